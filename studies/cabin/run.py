@@ -1,5 +1,7 @@
 """What cabin and cold cost: three baselines, four refrigerants, causes, predictive control, the front table.
 
+84 trips of baselines take two to three minutes, a trip one to two seconds.
+
 Trips of real cars with a cabin. Comfort stands beside every saving of the predictive climate control.
 """
 
@@ -11,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.cabin import recorded
+from studies.cabin import recorded, second_program
 from studies.drives import DEFAULT, STRATEGIES
 from studies.savings import PRODUCTION, saved
 from studies.session import Session
@@ -34,6 +36,7 @@ CONTROLS = tuple(
 CARS = {
     "tesla_model_3": "mid_size.cabin",
     "bmw_i3": "bmw_i3.cabin",
+    "chevrolet_bolt": "chevrolet_bolt.cabin",
     "paper_calibrated": "mid_size.cabin",
 }
 GRID_CAR, FRONT_CAR, PREDICTED_CAR = "tesla_model_3", "paper_calibrated", "paper_calibrated"
@@ -41,12 +44,19 @@ SUNNY_C, SUN_W_M2 = 30.0, 700.0
 WARM_C, COLD_C = 20.0, -10.0
 PREDICTED_C, FRONT_C = (35.0, -5.0), (35.0, -10.0)
 PRICES = {
-    35.0: {"warm_up_price_w_k2": 14.0, "comfort_price_w_k2": 150.0},
-    -5.0: {"warm_up_price_w_k2": 1.0, "comfort_price_w_k2": 130.0},
+    35.0: {"warm_up_price_w_k2": 16.0, "comfort_price_w_k2": 150.0, "set_point_c": 21.7},
+    -5.0: {"warm_up_price_w_k2": 1.0, "comfort_price_w_k2": 130.0, "set_point_c": 22.3},
 }
-"""Of comfort, with which it is about that of the thermostat."""
+"""Of comfort, and the set point of the plan, with which rms and mean are the thermostat's or better."""
+QUICK = {-5.0: {"warm_up_price_w_k2": 36.0}}
+"""With which the cabin is within 2 K as early as the thermostat's, too, where it is not by `PRICES`."""
 EQUAL: Mapping[str, Any] = {"value_beyond_trip": True}
 HEADWAY = {"gap.desired_time_headway_s": 1.7}
+COMPARED, COMPARED_QUICK = (
+    ("rule", "alone", "predictive", "optimum"),
+    ("predictive, quick", "optimum, quick"),
+)
+JUDGES = ("paper", "cells", "blast")
 J_KWH, SHORT_S = 3.6e6, 60.0
 
 
@@ -91,6 +101,7 @@ def figures(run: iptm.Run, table: pd.DataFrame, set_point_c: float = 22.0) -> di
         "aging": float(run.figures["total_degradation"]),
         "pack_end_c": 0.5 * (ends_k[0][-1] + ends_k[1][-1]) - CELSIUS_ZERO_K,
         "limited_s": limited_s(table),
+        "compressor_s": limited_s(table, "is_compressor_limited"),
         **comfort(table, set_point_c),
     }
 
@@ -135,18 +146,26 @@ def causes(car: str, duration_s: float | None) -> dict[str, Any]:
         * figures(whole, table)["thermal_kwh"]
         * J_KWH
         / float(whole.metrics.battery_energy_j),
+        "compressor_s": limited_s(table, "is_compressor_limited"),
     }
+
+
+def controlled(control: str, air_c: float) -> dict[str, Any]:
+    """Return the changes of a cabin's file for a climate control.
+
+    ``optimum`` plans the whole trip, ``quick`` has the prices `QUICK`.
+    """
+    if control in CONTROLS:
+        return {"control": control}
+    changes: dict[str, Any] = {"control": "predictive", "way_ahead": CYCLES[0], **PRICES[air_c]}
+    changes |= {"horizon_s": 1800.0} if "optimum" in control else {}
+    return changes | (QUICK[air_c] if "quick" in control else {})
 
 
 def predicted(air_c: float, control: str, duration_s: float | None) -> dict[str, Any]:
     """Return a trip with one climate control; ``optimum`` plans the whole trip once."""
     cycle, car = CYCLES[0], PREDICTED_CAR
-    predictive = control in {"predictive", "optimum"}
-    changes: dict[str, Any] = {"control": "predictive" if predictive else control}
-    if predictive:
-        changes |= {"way_ahead": cycle, **PRICES[air_c]}
-        changes |= {"horizon_s": 1800.0} if control == "optimum" else {}
-    run, table = drive(cycle, car, air_c, changes, duration_s=duration_s)
+    run, table = drive(cycle, car, air_c, controlled(control, air_c), duration_s=duration_s)
     found = figures(run, table)
     model = CabinModel(read_cabin(CARS[car]), load_parameters(car).values)
     value = value_of_states_j_k(model, air_c + CELSIUS_ZERO_K)
@@ -189,6 +208,8 @@ def front(cycle: str, air_c: float, duration_s: float | None) -> dict[str, Any]:
         "own_consumption": float(own.figures["consumption"]),
         "base_limited_s": limited_s(of_base),
         "own_limited_s": limited_s(of_own),
+        "base_compressor_s": limited_s(of_base, "is_compressor_limited"),
+        "own_compressor_s": limited_s(of_own, "is_compressor_limited"),
         "thermal_share": 100.0
         * figures(base, of_base)["thermal_kwh"]
         * J_KWH
@@ -196,46 +217,90 @@ def front(cycle: str, air_c: float, duration_s: float | None) -> dict[str, Any]:
     }
 
 
-def grid(*, short: bool, whole: bool) -> Iterator[dict[str, Any]]:
+def judged(
+    car: str,
+    air_c: float,
+    control: str,
+    against: str,
+    by: tuple[str, ...],
+    duration_s: float | None,
+) -> dict[str, Any]:
+    """Return what a climate control saves of the ageing of another one on WLTC, by each group of judges."""
+    runs = [
+        drive(CYCLES[0], car, air_c, controlled(each, air_c), duration_s=duration_s)[0]
+        for each in (control, against)
+    ]
+    spread = runs[0].judge(runs[1], by).summary
+    texts = {
+        str(group): f"{row['median [%]']:.1f} ({row['lowest [%]']:.1f} to {row['highest [%]']:.1f})"
+        for group, row in spread.iterrows()
+    }
+    return {"car": car, "air_c": air_c, "control": control, "against": against, **texts}
+
+
+def grid(*, short: bool) -> Iterator[dict[str, Any]]:
     """Yield the arguments of `ambient`."""
-    fluid, duration_s = str(Refrigerant.R1234YF), SHORT_S if short else None
     if short:
-        yield _ambient(CYCLES[1], COLD_C, CONTROLS[0], fluid, duration_s)
+        yield _ambient(CYCLES[1], COLD_C, CONTROLS[0], Refrigerant.R1234YF, SHORT_S)
         return
     for cycle, air_c, control in product(CYCLES, AIR_C, CONTROLS):
-        plain = (cycle == CYCLES[0]) + (control == CONTROLS[0]) + (air_c in FRONT_C)
-        if whole or plain > 1:  # at most one of the three is out of the ordinary
-            yield _ambient(cycle, air_c, control, fluid, duration_s)
+        yield _ambient(cycle, air_c, control, Refrigerant.R1234YF)
     for air_c, other in product(AIR_C, (Refrigerant.R134A, Refrigerant.R290, Refrigerant.R744)):
-        if whole or air_c in FRONT_C:
-            yield _ambient(CYCLES[0], air_c, CONTROLS[0], str(other), duration_s)
+        yield _ambient(CYCLES[0], air_c, CONTROLS[0], other)
 
 
 def _ambient(
-    cycle: str, air_c: float, control: str, refrigerant: str, duration_s: float | None
+    cycle: str,
+    air_c: float,
+    control: str,
+    refrigerant: Refrigerant,
+    duration_s: float | None = None,
 ) -> dict[str, Any]:
     return {
         "cycle": cycle,
         "air_c": air_c,
         "control": control,
-        "refrigerant": refrigerant,
+        "refrigerant": str(refrigerant),
         "duration_s": duration_s,
     }
+
+
+def judgements(*, short: bool) -> Iterator[dict[str, Any]]:
+    """Yield the arguments of `judged`."""
+    pairs = [
+        *(
+            (PREDICTED_CAR, air_c, "predictive", other)
+            for air_c in PREDICTED_C
+            for other in CONTROLS[:2]
+        ),
+        *((GRID_CAR, air_c, CONTROLS[0], CONTROLS[1]) for air_c in AIR_C),
+    ]
+    by = JUDGES[: 1 if short else None]
+    for car, air_c, control, against in pairs[: 1 if short else None]:
+        yield {
+            "car": car,
+            "air_c": air_c,
+            "control": control,
+            "against": against,
+            "by": by,
+            "duration_s": SHORT_S if short else None,
+        }
 
 
 def run(session: Session) -> bool:
     """Run the study; returns whether every trip was driven."""
     short = session.short
     length = {"duration_s": SHORT_S if short else None}
-    controls = ("rule", "alone", "predictive", "optimum")[: 3 if short else None]
+    controls = [(air_c, control) for air_c in PREDICTED_C for control in COMPARED]
+    controls += [(air_c, control) for air_c in QUICK for control in COMPARED_QUICK]
     parts: dict[str, tuple[Any, list[dict[str, Any]]]] = {
-        "ambient": (ambient, list(grid(short=short, whole=session.options.whole))),
-        "causes": (causes, [{"car": car, **length} for car in list(CARS)[: 1 if short else 3]]),
+        "ambient": (ambient, list(grid(short=short))),
+        "causes": (causes, [{"car": car, **length} for car in list(CARS)[: 1 if short else None]]),
         "predicted": (
             predicted,
             [
                 {"air_c": air_c, "control": control, **length}
-                for air_c, control in product(PREDICTED_C[: 1 if short else 2], controls)
+                for air_c, control in controls[: 3 if short else None]
             ],
         ),
         "front": (
@@ -244,6 +309,14 @@ def run(session: Session) -> bool:
                 {"cycle": cycle, "air_c": air_c, **length}
                 for cycle, air_c in product(CYCLES, FRONT_C)
                 if not short or (cycle, air_c) == (CYCLES[1], FRONT_C[1])
+            ],
+        ),
+        "judged": (judged, list(judgements(short=short))),
+        "second": (
+            second_program.compared,
+            [
+                {"number": number, **length}
+                for number in range(1 if short else second_program.CASES)
             ],
         ),
         "recorded": (
@@ -264,6 +337,11 @@ def run(session: Session) -> bool:
         savings=pd.DataFrame(_savings(tables["predicted"])),
         i3=recorded.summary(tables["recorded"]),
         step_s=STEP_S,
+        groups=[
+            (f"{name}:", f"{{{name}}}")
+            for name in tables["judged"].columns
+            if name not in {"car", "air_c", "control", "against"}
+        ],
         grid_car=GRID_CAR,
         short=short,
     )
@@ -285,9 +363,12 @@ def _maps() -> Iterator[dict[str, Any]]:
 def _savings(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
     for air_c, part in table.groupby("air_c", sort=False):
         by = part.set_index("control").equal_kwh
-        yield {
-            "air_c": air_c,
-            "rule": 100.0 * (by["predictive"] / by["rule"] - 1.0),
-            "alone": 100.0 * (by["predictive"] / by["alone"] - 1.0),
-            "optimum": 100.0 * (by["predictive"] / by.get("optimum", np.nan) - 1.0),
-        }
+        for control in (COMPARED[2], COMPARED_QUICK[0]):
+            if control in by:
+                optimum = by.get(control.replace("predictive", "optimum"), np.nan)
+                bases = {"rule": by["rule"], "alone": by["alone"], "optimum": optimum}
+                saved_percent = {
+                    name: 100.0 * (by[control] / base - 1.0) for name, base in bases.items()
+                }
+                bound = 100.0 * (optimum / by["alone"] - 1.0)
+                yield {"air_c": air_c, "control": control, "bound": bound, **saved_percent}

@@ -22,6 +22,8 @@ def test_the_balance_closes_and_its_parts_are_those_of_current_and_voltage(
     run = iptm.simulate(cycle, vehicle=car, slope=slope, **QUICK)
     found, rows, parameters = run.energies, run.trajectory, run.parameters
     assert abs(found.residual) < 1e-6
+    assert found.consumers_j == 0.0
+    assert "consumers" not in found.uses
     figures = run.figures
     assert figures["battery_energy"] == pytest.approx(1e-3 * found.terminals_j)
     assert figures["cell_energy"] == pytest.approx(1e-3 * found.open_circuit_j)

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import iptm
 from iptm_cabin.cabin_plant import CabinVehicleState, plant_with
-from iptm_cabin.parameters import CabinParameters, ClimateControl, read_cabin
+from iptm_cabin.climate_control import BOTH, ClimateUnit
+from iptm_cabin.parameters import (
+    CabinParameters,
+    ClimateControl,
+    air_course,
+    cabin_of,
+    read_cabin,
+)
+from iptm_cabin.thermal_functions import thermal_functions
 from iptm_cabin.trips import comfort, drive_with_cabin
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
@@ -40,44 +49,98 @@ def test_the_thermostat_keeps_the_set_point(air_c: float, start_c: float) -> Non
     assert cabin_c(state) == pytest.approx(21.0, abs=0.7)
 
 
-@pytest.mark.parametrize(
-    ("broken", "named"),
-    [
-        ("compressor", "compressor is broken"),
-        ("ptc", "ptc is broken"),
-        ("fan", "fan is broken"),
-        ("sensor_lost", "sensor is lost"),
-        ("sensor_frozen", "repeats a reading"),
-    ],
-)
-def test_a_broken_part_is_named_and_the_trip_goes_on(broken: str, named: str) -> None:
-    seconds = 75.0 if "frozen" in broken else 20.0
+BAD_DAYS: dict[str, tuple[dict[str, Any], float, str]] = {
+    "compressor dead": ({"broken": "compressor"}, -5.0, "compressor is broken"),
+    "heater dead": ({"broken": "ptc"}, -5.0, "ptc is broken"),
+    "fan dead": ({"broken": "fan"}, -5.0, "fan is broken"),
+    "sensor lost (NaN)": ({"broken": "sensor_lost"}, -5.0, "sensor is lost"),
+    "sensor frozen": ({"broken": "sensor_frozen"}, -5.0, "repeats a reading"),
+    "soaked": ({"initial_c": 70.0, "sun_w_m2": 1000.0}, 50.0, "highest pressure limits"),
+    "coldest": ({}, -30.0, "frost on the outside heat exchanger limits"),
+    "windows open": ({"open_windows_w_k": 1000.0}, -5.0, "compressor's speed limits"),
+    "map left": ({"control": "command", "initial_c": 22.0}, 22.0, "leaves the map"),
+    "pack without heat pump": ({"is_heat_pump": False}, -10.0, "no heat pump"),
+}
+"""What is wrong: changes of the cabin's file, the air in degC, and the report."""
+CELLS_C = {"map left": 40.0, "coldest": -20.0}
+"""Cells that begin at another temperature than the air: a hot pack is cooled for itself."""
+
+
+@pytest.mark.parametrize("name", BAD_DAYS)
+def test_a_bad_day_is_named_and_the_trip_goes_on(name: str) -> None:
+    changes, air_c, named = BAD_DAYS[name]
+    seconds = 75.0 if "frozen" in name else 20.0
+    car: dict[str, Any] = {}
+    if name in CELLS_C:
+        car = {"overrides": {"environment.initial_cell_temperature_k": 273.15 + CELLS_C[name]}}
     run, table = drive_with_cabin(
         "us06",
         "mid_size.cabin",
-        {"broken": broken},
+        changes,
         duration_s=seconds,
-        climate=-5.0,
+        climate=air_c,
         strategy="production",
+        **car,
     )
     assert len(table) == seconds + 1
-    assert any(named in note for note in run.warnings)
+    assert any(named in note for note in run.warnings), run.warnings
     assert np.isfinite(table.to_numpy()).all()
-    if broken == "ptc":
+    assert (table.electric_w < 12e3).all()
+    if "heater" in name:
         assert table.ptc_w.max() == 0.0
-    if broken == "compressor":
+    if "compressor dead" in name:
         assert table.compressor_w.max() == 0.0
 
 
-@pytest.mark.parametrize(
-    ("air_c", "start_c", "windows"), [(50.0, 70.0, 0.0), (-30.0, -30.0, 0.0), (35.0, 40.0, 500.0)]
-)
-def test_extreme_days_are_driven(air_c: float, start_c: float, windows: float) -> None:
-    cabin = CabinParameters(initial_c=start_c, open_windows_w_k=windows, sun_w_m2=200.0)
-    state, _ = driven(cabin, 120, air_c)
-    assert isinstance(state, CabinVehicleState)
-    assert abs(cabin_c(state) - 22.0) < abs(start_c - 22.0)
-    assert 0.0 <= state.cabin.electric_w < 12e3
+def test_heater_and_cooling_together_are_refused_by_name() -> None:
+    cabin = CabinParameters()
+    functions = thermal_functions(cabin, load_parameters("paper_calibrated").values)
+    states = (308.0, 308.0, 308.0, 308.0, 305.0, 305.0)
+    weather = (10.0, 0.0, 0.0, 308.0, 0.0)
+    (cabin_w, _, ptc_w, _), report = ClimateUnit(functions).within(
+        states, weather, -500.0, 0.0, 0.0, ptc_w=1000.0, by_loop_w=-1500.0
+    )
+    assert cabin_w == -1500.0
+    assert ptc_w == 0.0
+    assert report == BOTH
+
+
+def test_cells_follow_air_that_warms_as_by_hand() -> None:
+    """A standing car in a chamber that warms by a ramp: a lag of first order, in closed form."""
+    air = {"air_over_time": "0: -20, 4500: 25"}
+    quiet = {
+        "control": "alone",
+        "broken": "compressor",
+        "max_ptc_power_w": 0.0,
+        "blower_power_w": 0.0,
+    }
+    cabin = cabin_of({**air, **quiet})
+    car = load_parameters(
+        "bmw_i3",
+        overrides={
+            "environment.initial_cell_temperature_k": 253.15,
+            "cooling.air_exchange_w_k": 400.0,
+            "environment.ambient_temperature_k": 253.15,
+            "cooling.auxiliary_power_w": 0.0,
+        },
+    ).values
+    plant = plant_with(cabin)(car, np.zeros_like)
+    state: VehicleState = plant.initial_state()
+    seconds = 1500
+    for _ in range(seconds):
+        state = plant.advance(state, Command(0.0, 0.0)).state
+    lag_s = car.pack.cells * car.cell.heat_capacity_j_k / car.cooling.air_exchange_w_k
+    rise_k_s = 45.0 / 4500.0
+    by_hand_k = 253.15 + rise_k_s * (seconds - lag_s * (1.0 - np.exp(-seconds / lag_s)))
+    mean_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+    assert by_hand_k - 253.15 > 5.0
+    assert mean_k == pytest.approx(by_hand_k, abs=0.05)
+
+
+@pytest.mark.parametrize("text", ["0: -20, 0: 5", "0: warm", "0: 200", "5"])
+def test_bad_air_over_time_is_refused(text: str) -> None:
+    with pytest.raises(IptmError, match="air_over_time is"):
+        air_course(cabin_of({"air_over_time": text}))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from iptm_cabin.cycle_fit import samples
+from iptm_cabin.cycle_fit import efficiencies, samples
 from iptm_cabin.cycle_map import BOUNDS, Refrigerant, cycle_map
 
 RMS, WORST = 0.02, 0.05
@@ -53,3 +53,13 @@ def test_outside_of_the_map_its_edge_counts() -> None:
     assert evaporation == pytest.approx(-30.0, abs=0.6)
     assert condensation == pytest.approx(70.0, abs=0.6)
     assert speed == pytest.approx(145.0, abs=1.1)
+
+
+def test_the_compressor_is_near_a_measured_one() -> None:
+    """A scroll compressor with R134a, 118 tests: Cuevas et al., Applied Thermal Engineering 30 (2010) 605."""
+    ratios = np.linspace(1.5, 8.0, 66)
+    isentropic = np.array([efficiencies(float(each), 60.0)[0] for each in ratios])
+    assert isentropic.max() == pytest.approx(0.72, abs=0.01)
+    assert ratios[isentropic.argmax()] == pytest.approx(2.55, abs=0.3)
+    for ratio, volumetric in ((1.3, 1.0), (9.7, 0.83)):
+        assert efficiencies(ratio, 60.0)[1] == pytest.approx(volumetric, rel=0.1)

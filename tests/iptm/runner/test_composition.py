@@ -109,7 +109,14 @@ def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
 
 def test_the_recorder_understands_its_command() -> None:
     given = [
-        recorder_arguments(Path("out"), Path("info.yaml"), "zstd", f"/car_{number}", repeats=True)
+        recorder_arguments(
+            Path("out"),
+            Path("info.yaml"),
+            "zstd",
+            f"/car_{number}",
+            repeats=True,
+            also={"plant/door": "std_msgs/msg/Bool"},
+        )
         for number in (1, 2)
     ]
     command = shared_command("a.module", given)
@@ -120,6 +127,7 @@ def test_the_recorder_understands_its_command() -> None:
     assert parsed.output == Path("out")
     assert parsed.run_information == Path("info.yaml")
     assert parsed.compression == "zstd"
+    assert parsed.also == [["plant/door", "std_msgs/msg/Bool"]]
 
 
 def test_vehicles_are_divided_evenly_and_in_order() -> None:

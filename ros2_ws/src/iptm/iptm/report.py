@@ -97,6 +97,7 @@ _COLOURS = (
     "#7f7f7f",
     "#a3a13c",
     "#3d9fb0",
+    "#5b5b8f",
 )
 
 
@@ -111,22 +112,24 @@ def energies_html(runs: Mapping[str, EnergyBalance], distances_m: Mapping[str, f
         label: {name: joule / 3.6 / distances_m[label] for name, joule in run.uses.items()}
         for label, run in runs.items()
     }
+    names = max(per_km.values(), key=len)
+    colours = dict(zip(names, _COLOURS, strict=False))
     widest = max(sum(max(each, 0.0) for each in uses.values()) for uses in per_km.values())
     bars = ""
     for label, uses in per_km.items():
         parts = "".join(
             f'<span title="{name}: {value:.1f} Wh/km" style="display:inline-block;height:1.6rem;'
-            f'width:{95.0 * value / widest:.2f}%;background:{colour}"></span>'
-            for (name, value), colour in zip(uses.items(), _COLOURS, strict=True)
+            f'width:{95.0 * value / widest:.2f}%;background:{colours[name]}"></span>'
+            for name, value in uses.items()
             if value > 0.0
         )
         bars += f'<div style="white-space:nowrap">{parts}</div><small>{escape(label)}</small>'
-    table = pd.DataFrame(per_km).round(1)
+    table = pd.DataFrame(per_km, index=list(names)).fillna(0.0).round(1)
     table.loc["all, current times open-circuit voltage"] = table.sum().round(1)
     table.index = pd.Index(
         [
             f'<span style="color:{colour}">■</span> {name}'
-            for name, colour in zip(table.index, [*_COLOURS, "#000"], strict=True)
+            for name, colour in zip(table.index, [*colours.values(), "#000"], strict=True)
         ]
     )
     return f"{bars}{table.to_html(border=0, escape=False)}"

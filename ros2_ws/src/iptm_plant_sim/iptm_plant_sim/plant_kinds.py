@@ -27,3 +27,15 @@ def plant_kind(file: str) -> type[Plant]:
         raise ScenarioError(f"plant is {file!r}; allowed: {allowed}")
     kind: type[Plant] = kinds[suffix](file)
     return kind
+
+
+def plant_topics(file: str) -> dict[str, str]:
+    """Return the types of the topics that extras add to those of a plant from a file, by name.
+
+    The module ``extra_plant_topics`` of an extra has them as the mapping ``TYPES``, and the ending of its
+    files as ``SUFFIX``.
+    """
+    if not file:
+        return {}
+    added = (each.TYPES for each in offered("plant_topics") if Path(file).suffix == each.SUFFIX)
+    return {name: kind for types in added for name, kind in types.items()}

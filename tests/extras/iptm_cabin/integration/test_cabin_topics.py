@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState, Temperature
 
+import iptm
 from iptm_cabin.cabin_plant import CABIN, plant_with
 from iptm_cabin.extra_plant_topics import STATE_TOPIC, TEMPERATURE_TOPIC, publisher
 from iptm_cabin.parameters import CabinParameters
+from iptm_cabin.trips import drive_with_cabin
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
@@ -53,3 +56,25 @@ def test_a_plant_node_publishes_it(launcher: Any, peer: Any) -> None:
     peer.wait_until(lambda: cabins, what="the cabin of the first state")
     assert tuple(cabins[0].name) == CABIN
     assert command.topic_name.endswith("controller/command")
+
+
+def test_the_bag_of_a_run_has_the_cabin_and_its_energy(tmp_path: Path) -> None:
+    trip = iptm.Trip.of(
+        "us06", duration_s=20.0, plant="mid_size.cabin", strategy="production", climate=-5.0
+    )
+    run = iptm.drive(trip, over="ros", bag=str(tmp_path / "bag"))
+    assert not run.problems
+    assert run.bag_messages is not None
+    for name in (
+        STATE_TOPIC,
+        TEMPERATURE_TOPIC,
+    ):  # a state may be repeated, and the last one come late
+        assert run.bag_messages[f"/{name}"] >= len(run.trajectory) - 1
+    in_memory, table = drive_with_cabin(
+        "us06", "mid_size.cabin", duration_s=20.0, strategy="production", climate=-5.0
+    )
+    electric_j = float(table.electric_w.iloc[1:].sum())
+    for each in (run, in_memory):
+        assert each.energies.consumers_j == pytest.approx(electric_j)
+        assert each.energies.uses["consumers"] == each.energies.consumers_j
+        assert abs(each.energies.residual) < 1e-6

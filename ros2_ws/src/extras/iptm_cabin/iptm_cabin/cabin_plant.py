@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
+
 from iptm_cabin.climate_control import ClimateUnit, Memory
-from iptm_cabin.parameters import CabinParameters, ClimateControl, read_cabin
+from iptm_cabin.parameters import CabinParameters, ClimateControl, air_course, read_cabin
 from iptm_cabin.predictive import PredictiveUnit, way_ahead
+from iptm_cabin.refrigerant_loop import ACTIVE_W, OF_COMPRESSOR
 from iptm_cabin.thermal_functions import thermal_functions
 from iptm_core.errors import ScenarioError
 from iptm_core.frozen import replace
@@ -19,6 +22,8 @@ from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
 
+LEFT = "the loop leaves the map of its refrigerant, which is held at its bounds"
+LEFT_K = 2.0
 MIXING_S = 1.0
 """Longest step of the temperatures in an interval."""
 
@@ -37,6 +42,7 @@ CABIN = (
     "evaporation_c",
     "condensation_c",
     "is_limited",
+    "is_compressor_limited",
 )
 """Numbers of `CabinState` that tables and messages have."""
 
@@ -50,7 +56,8 @@ class CabinState:
         pack_w: heat into the coolant by the loop, negative for the chiller.
         radiator: opening of the radiator's valve, 0 to 1.
         electric_w: compressor, heater, fans and blower together.
-        is_limited: compressor, frost or a broken part leave less than is asked for.
+        is_limited: compressor, frost, pressure or a broken part leave less than is asked for.
+        is_compressor_limited: it is power or speed of the compressor.
     """
 
     air_k: float
@@ -67,6 +74,7 @@ class CabinState:
     evaporation_c: float = 0.0
     condensation_c: float = 0.0
     is_limited: bool = False
+    is_compressor_limited: bool = False
 
     @property
     def nodes_k(self) -> tuple[float, float, float, float]:
@@ -103,6 +111,7 @@ class CabinPlant(Plant):
                 "thermal_model is full_channel, and a cabin has two cells; allowed: two_cell"
             )
         self._functions = thermal_functions(self.CABIN, self.parameters)
+        self._air = air_course(self.CABIN)
         self._outlet = reduce_channel(self.parameters.cooling, self.parameters.pack).outlet
         self._unit: ClimateUnit
         if self.CABIN.control is ClimateControl.PREDICTIVE:
@@ -121,11 +130,18 @@ class CabinPlant(Plant):
     def _with_cabin(self, state: VehicleState) -> CabinVehicleState:
         if isinstance(state, CabinVehicleState):
             return state
-        air_k = self.parameters.environment.ambient_temperature_k
+        air_k = self._air_k(state.time_s)
         cabin_k = self.CABIN.initial_temperature_c(air_k - CELSIUS_ZERO_K) + CELSIUS_ZERO_K
         return CabinVehicleState(
             **vars(state), cabin=CabinState(cabin_k, cabin_k, max(cabin_k, air_k), air_k)
         )
+
+    def _air_k(self, time_s: float) -> float:
+        """Return the temperature of the air outside."""
+        times, degrees = self._air
+        if not times:
+            return self.parameters.environment.ambient_temperature_k
+        return float(np.interp(time_s, times, degrees)) + CELSIUS_ZERO_K
 
     def _drive_interval(
         self, state: VehicleState, report: ActuatorReport, duration_s: float
@@ -137,7 +153,7 @@ class CabinPlant(Plant):
             state.cell_1_temperature_k,
             state.cell_n_temperature_k,
         )
-        air_k = self.parameters.environment.ambient_temperature_k
+        air_k = self._air_k(state.time_s)
         weather = (state.speed_m_s, 0.0, 0.0, air_k, self.CABIN.sun_w_m2)
         by_trip = self.CABIN.control is ClimateControl.COMMAND
         commanded_w = report.actuated.compressor_power_w if by_trip else 0.0
@@ -152,9 +168,11 @@ class CabinPlant(Plant):
         step = super()._drive_interval(state, replace(report, actuated=drawn), duration_s)
         if step.report.actuated.compressor_power_w < electric_w:  # the pack cannot supply it
             inputs, electric_w, limited = (0.0, 0.0, 0.0, 0.0), 0.0, "the pack cannot supply it"
-        if limited and limited not in self.notes:
-            self.notes = (*self.notes, limited)
         loop = functions.loop(states, inputs, weather)
+        left = loop.beyond_k > LEFT_K and loop.power_w > ACTIVE_W
+        for note in (limited, LEFT if left else ""):
+            if note and note not in self.notes:
+                self.notes = (*self.notes, note)
         waste_w = self._functions.model.drive_waste_w(step.powers.traction_power_w)
         speed_m_s = 0.5 * (state.speed_m_s + step.state.speed_m_s)
         weather = (speed_m_s, step.powers.battery_heat_w, waste_w, air_k, self.CABIN.sun_w_m2)
@@ -179,6 +197,7 @@ class CabinPlant(Plant):
             evaporation_c=loop.evaporation_c,
             condensation_c=loop.condensation_c,
             is_limited=bool(limited),
+            is_compressor_limited=limited in OF_COMPRESSOR,
         )
         end = replace(
             step.state,

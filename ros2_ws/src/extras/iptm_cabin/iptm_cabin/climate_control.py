@@ -22,6 +22,8 @@ PACK_COOLING_W, PACK_HEATING_W = 3000.0, 2000.0
 COOL_ABOVE_C, COOL_UNTIL_C = 35.0, 30.0
 HEAT_BELOW_C, HEAT_UNTIL_C = 5.0, 10.0
 BYPASS_C, RADIATOR_K = 30.0, 5.0
+BOTH = "heater and cooling of the cabin are asked for together; the heater stays off"
+_BOTH_W = 50.0
 UNCHANGED_S = 60.0
 """A sensor that repeats a number to the last bit for as long is frozen."""
 
@@ -176,19 +178,23 @@ class ClimateUnit:
         by_loop_w = wanted_w if by_loop_w is None else min(by_loop_w, wanted_w)
         if no_loop or (wanted_w > 0.0 and not cabin.is_heat_pump):
             by_loop_w = min(by_loop_w, 0.0)
-        if no_loop or (pack_w > 0.0 and not cabin.is_heat_pump):
-            pack_w = min(pack_w, 0.0)
+        report = ""
+        if pack_w > 0.0 and not cabin.is_heat_pump:
+            pack_w, report = 0.0, "there is no heat pump, and nothing heats the pack"
         if no_loop:
             by_loop_w = pack_w = 0.0
         asked = (by_loop_w, pack_w, 0.0, radiator)
         served_w, pack_w, _, _ = self._functions.possible(states, asked, weather)
+        if asked[:2] != (served_w, pack_w):
+            report = report or self._functions.loop(states, asked, weather).limit
+        if ptc_w is not None and served_w < 0.0:
+            report = report or (BOTH if ptc_w > _BOTH_W else "")
+            ptc_w = 0.0
         rest_w = max(wanted_w, 0.0) - max(served_w, 0.0)
         heater_w = rest_w if ptc_w is None else min(ptc_w, max(allowed_w - max(served_w, 0.0), 0.0))
         heater_w = min(max(heater_w, 0.0), cabin.max_ptc_power_w)
         if cabin.broken is PartFailure.PTC:
             heater_w = 0.0
         broken = cabin.broken in {PartFailure.COMPRESSOR, PartFailure.PTC, PartFailure.FAN}
-        report = f"{cabin.broken} is broken" if broken else ""
-        if not report and (served_w, pack_w) != asked[:2]:
-            report = "the compressor or frost limits the loop"
+        report = f"{cabin.broken} is broken" if broken else report
         return (served_w, pack_w, heater_w, radiator), report

@@ -12,6 +12,7 @@ from typing import Any
 from sensor_msgs.msg import JointState, Temperature
 
 from iptm_cabin.cabin_plant import CABIN, CabinPlant, CabinVehicleState
+from iptm_cabin.parameters import SUFFIX
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
@@ -19,8 +20,14 @@ from iptm_ros.codecs import ns_from_s
 from iptm_ros.codecs.cdr import time_from_ns
 from iptm_ros.publishers import STREAM_QOS
 
+__all__ = ["SUFFIX", "TYPES", "publisher"]
+
 TEMPERATURE_TOPIC = "plant/cabin/temperature"
 STATE_TOPIC = "plant/cabin/state"
+TYPES = {
+    TEMPERATURE_TOPIC: "sensor_msgs/msg/Temperature",
+    STATE_TOPIC: "sensor_msgs/msg/JointState",
+}
 FRAME = "cabin"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from iptm_core.user_input import check_known, shown
 
 CARS = Path(__file__).parent / "cars"
 SUFFIX = ".cabin"
+COLDEST_C, HOTTEST_C = -40.0, 60.0
+"""Bounds of the air."""
 
 
 class ClimateControl(TextEnum):
@@ -61,6 +64,10 @@ class CabinParameters(Settings):
         "degC",
         -273.15,
         75.0,
+    )
+    air_over_time: str = parameter(
+        "",
+        "air in degC over the time in s, such as '0: -20, 3600: 25'; without it the trip's",
     )
     sun_w_m2: float = parameter(0.0, "radiation of the sun", "W/m^2", 0.0, 1200.0)
     humidity: float = parameter(0.5, "relative humidity of the air outside", "", 0.0, 1.0)
@@ -193,6 +200,29 @@ def cabin_of(values: Mapping[str, Any]) -> CabinParameters:
     for name in values:
         check_known(name, names, "cabin", "parameter", ScenarioError)
     return CabinParameters(**values)
+
+
+def air_course(cabin: CabinParameters) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return times in s and temperatures of the air in degC; none where the trip's air stays as it is.
+
+    Raises:
+        ScenarioError: a pair is no pair of numbers, or times do not increase.
+    """
+    given = cabin.air_over_time
+    pairs = [each.split(":") for each in given.split(",")] if given.strip() else []
+    try:
+        times, degrees = (
+            zip(*((float(s), float(c)) for s, c in pairs), strict=True) if pairs else ((), ())
+        )
+    except ValueError:
+        times, degrees = (0.0, 0.0), (0.0, 0.0)
+    within = all(COLDEST_C <= each <= HOTTEST_C for each in degrees)
+    if not within or any(late <= early for early, late in pairwise(times)):
+        raise ScenarioError(
+            f"air_over_time is {shown(given)}; allowed: pairs as '0: -20, 3600: 25', increasing times in s "
+            f"and {COLDEST_C:g} to {HOTTEST_C:g} degC"
+        )
+    return times, degrees
 
 
 def _values(path: Path, above: tuple[str, ...]) -> dict[str, Any]:

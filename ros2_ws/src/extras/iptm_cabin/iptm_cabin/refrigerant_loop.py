@@ -37,6 +37,14 @@ COLDEST_AIR_C = -20.0
 LATENT_J_KG = 2.45e6
 AIR_J_KG_K = 1006.0
 LEAST_EVAPORATOR_C = -1.0
+OF_COMPRESSOR = ("the compressor's power limits the loop", "the compressor's speed limits the loop")
+LIMITS = (
+    *OF_COMPRESSOR,
+    "frost on the cabin's evaporator limits the loop",
+    "frost on the outside heat exchanger limits the loop",
+    "the highest pressure limits the loop",
+)
+"""Reports of what limits the loop, in the order of `LoopState.margins`."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +73,8 @@ class LoopState:
         to_air_w: heat given to the air by the outside heat exchanger, negative where it is taken.
         fan_w: power of its fan.
         speed_hz: speed of the compressor.
-        margins: reserves of power, capacity, twice before frost, and before the highest condensation of
-            the map, as shares; not negative where the loop can do it.
+        beyond_k: how far evaporation or condensation lie outside of the map, which is held at its bounds.
+        margins: reserves before LIMITS, as shares; not negative where the loop can do it.
     """
 
     power_w: Scalar
@@ -80,6 +88,7 @@ class LoopState:
     evaporation_c: Scalar
     condensation_c: Scalar
     speed_hz: Scalar
+    beyond_k: Scalar
     margins: tuple[Scalar, ...]
 
 
@@ -132,8 +141,10 @@ def solve_loop(
     )
     evaporation = -_highest([(-each, load) for each, load in sources])
     condensation = _highest(list(sinks))
-    hottest_c = BOUNDS[fluid.fluid][1][1]
+    (coldest_c, warmest_c), (coolest_c, hottest_c), _ = BOUNDS[fluid.fluid]
     pressure_k = hottest_c - condensation
+    beyond_k = maximum(maximum(coldest_c - evaporation, evaporation - warmest_c), 0.0)
+    beyond_k = maximum(beyond_k, coolest_c - condensation)
     evaporation, condensation, fastest = fluid.within(
         evaporation, condensation, values.max_speed_hz
     )
@@ -169,6 +180,7 @@ def solve_loop(
         evaporation_c=evaporation,
         condensation_c=condensation,
         speed_hz=speed,
+        beyond_k=beyond_k,
         margins=(
             1.0 - power / max(values.max_compressor_power_w, 1.0),
             1.0 - share,

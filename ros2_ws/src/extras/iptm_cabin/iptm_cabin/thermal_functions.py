@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from iptm_cabin.parameters import CabinParameters
-from iptm_cabin.refrigerant_loop import LoopState
+from iptm_cabin.refrigerant_loop import LIMITS, LoopState
 from iptm_cabin.thermal_model import INPUTS, STATES, WEATHER, CabinModel
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
@@ -25,6 +25,7 @@ LOOP = (
     "speed_hz",
     "evaporation_c",
     "condensation_c",
+    "beyond_k",
 )
 FLOWS = ("electric_w", "fans_w", "radiator_w", "coolant_in_k", "coolant_out_k")
 _BISECTIONS = 24
@@ -33,7 +34,7 @@ Inputs = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class LoopReading:
-    """The loop under inputs, in W, 1/s and degC, and the smallest of its margins."""
+    """The loop under inputs, in W, 1/s and degC, the smallest of its margins, and which one that is."""
 
     power_w: float
     waste_w: float
@@ -43,7 +44,9 @@ class LoopReading:
     speed_hz: float
     evaporation_c: float
     condensation_c: float
+    beyond_k: float
     margin: float
+    limit: str
 
 
 class ThermalFunctions:
@@ -56,10 +59,7 @@ class ThermalFunctions:
         given = {"states": states, "inputs": inputs, "weather": weather}
         split: list[Any] = [ca.vertsplit(each) for each in given.values()]
         loop = self.model.loop(split[0], split[1], split[2])
-        margin = loop.margins[0]
-        for each in loop.margins[1:]:
-            margin = ca.fmin(margin, each)
-        found = ca.vertcat(*(getattr(loop, name) for name in LOOP), margin)
+        found = ca.vertcat(*(getattr(loop, name) for name in LOOP), *loop.margins)
         self._loop = BufferedFunction(named_function("loop", given, {"found": found}, cse=True))
         flows = self.model.flows(split[0], split[1], split[2])
         found = ca.vertcat(*(getattr(flows, name) for name in FLOWS))
@@ -85,7 +85,11 @@ class ThermalFunctions:
         """Return the loop at an instant."""
         _fill(self._loop, states, inputs, weather)
         self._loop()
-        return LoopReading(*self._loop.results["found"].tolist())
+        found = self._loop.results["found"].tolist()
+        margins = found[len(LOOP) :]
+        margin = min(margins)
+        named = dict(zip(LOOP, found, strict=False))
+        return LoopReading(**named, margin=margin, limit=LIMITS[margins.index(margin)])
 
     def flows(
         self, states: tuple[float, ...], inputs: Inputs, weather: tuple[float, ...]

@@ -18,7 +18,6 @@ from typing import Any
 from iptm_cabin.parameters import CabinParameters, PartFailure
 from iptm_cabin.refrigerant_loop import AIR_J_KG_K, LoopState, Surroundings, solve_loop
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import heat_from_air_w
 from iptm_core.physics.ops import Scalar, exp, maximum
 from iptm_core.physics.thermal_loop import Channel, reduce_channel
 
@@ -143,12 +142,12 @@ class CabinModel:
         capacity = car.cell.heat_capacity_j_k
         exchange = car.cooling.convective_coefficient_w_k / capacity
         coolant_n = self._channel.last_cell.temperature_k(in_k, cell_1, cell_n)
-        air_1, air_n = heat_from_air_w(cell_1, car), heat_from_air_w(cell_n, car)
+        by_air_w_k = car.cooling.air_exchange_w_k / car.pack.cells
+        air_1, air_n = by_air_w_k * (ambient - cell_1), by_air_w_k * (ambient - cell_n)
         outside_w = 0.5 * car.pack.cells * (air_1 + air_n)
         mean_rate = (heat_w + outside_w - taken_w) / self._pack_j_k
-        rate_1 = air_1 / capacity + exchange * (in_k - cell_1)
-        rate_n = air_n / capacity + exchange * (coolant_n - cell_n)
-        apart = 0.5 * (rate_n - rate_1)
+        apart = 0.5 * (air_n - air_1) / capacity
+        apart = apart + 0.5 * exchange * (coolant_n - cell_n - in_k + cell_1)
         gains = (to_cabin_w, to_interior_w, to_heater_w, to_drive_w)
         rates = (
             *(gain / own for gain, own in zip(gains, self.capacities_j_k, strict=False)),

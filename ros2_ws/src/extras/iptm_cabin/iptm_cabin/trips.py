@@ -73,6 +73,6 @@ def comfort(table: pd.DataFrame, set_point_c: float) -> Mapping[str, float]:
     }
 
 
-def limited_s(table: pd.DataFrame) -> float:
-    """Return for how long the compressor was at a limit."""
-    return float(table.is_limited.sum() * (table.index[1] - table.index[0]))
+def limited_s(table: pd.DataFrame, column: str = "is_limited") -> float:
+    """Return for how long the loop was at a limit, or at another one of `CabinState` by name."""
+    return float(table[column].sum() * (table.index[1] - table.index[0]))

@@ -11,6 +11,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from iptm.faults.fault import Fault, at_places, faulty_name, plain_faults, route_name
@@ -134,11 +135,23 @@ def vehicle_arguments(parameter_files: Iterable[Path], namespace: str) -> list[s
 
 
 def recorder_arguments(
-    output: Path, information: Path, compression: str, namespace: str, *, repeats: bool
+    output: Path,
+    information: Path,
+    compression: str,
+    namespace: str,
+    *,
+    repeats: bool,
+    also: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """Return the arguments of the recorder of a vehicle, which may write topics that repeat others itself."""
+    """Return the arguments of the recorder of a vehicle, which may write topics that repeat others itself.
+
+    Args:
+        also: types of topics beyond the topic table, by name.
+    """
     options = ["--run-information", str(information), "--compression", compression]
     options += ["--repeat"] * repeats
+    for name, type_name in also.items():
+        options += ["--also", name, type_name]
     return [str(output), "--in-existing-folder", *options, "--ros-args", *_remaps(namespace)]
 
 

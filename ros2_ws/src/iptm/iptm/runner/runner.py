@@ -57,6 +57,7 @@ from iptm_core.program import (
     StopRequest,
     print_error,
 )
+from iptm_plant_sim.plant_kinds import plant_topics
 from iptm_ros.discovery import for_vehicles
 from iptm_ros.recording.run_information import collect_run_information
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
@@ -269,7 +270,8 @@ def _commands(trips: Mapping[RunFolder, Trip], options: RunOptions) -> dict[str,
             # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
             place, namespace = folder.given, trip.full_namespace
             given = (place, path, options.compression, namespace)
-            recorders.append(recorder_arguments(*given, repeats=not trip.foreign))
+            also = plant_topics(trip.vehicle.plant)
+            recorders.append(recorder_arguments(*given, repeats=not trip.foreign, also=also))
         commands[RECORDER] = shared_command(MODULES[RECORDER], recorders)
     return commands
 

@@ -1,7 +1,7 @@
 """Where the energy of a run went: from the open-circuit voltage of the cells to motion, heat and losses.
 
     open circuit = heat of the cells + terminals
-    terminals    = converters + cooling + auxiliaries + motor
+    terminals    = converters + cooling + auxiliaries + consumers + motor
     motor        = motor, driveline and brakes + rolling + air + climb + motion
 
 The first line is eq. (7): current times open-circuit voltage is current times terminal voltage and the
@@ -35,6 +35,7 @@ class EnergyBalance:
         converters_j: between terminals and motor, with braking that the pack does not take.
         cooling_j: compressor and heater.
         auxiliaries_j: of the cooling system.
+        consumers_j: beyond the auxiliaries of the parameters, as a plant of an extra draws; 0 without any.
         motor_j: electric energy of the motor, less what it fed back.
         drive_j: losses of motor and driveline.
         brakes_j: braking of the wheels that the motor does not take back.
@@ -50,6 +51,7 @@ class EnergyBalance:
     converters_j: float
     cooling_j: float
     auxiliaries_j: float
+    consumers_j: float
     motor_j: float
     drive_j: float
     brakes_j: float
@@ -64,7 +66,7 @@ class EnergyBalance:
         return {
             entry.name.removesuffix("_j"): getattr(self, entry.name)
             for entry in fields(self)
-            if entry.name not in _SUMS
+            if entry.name not in _SUMS and (entry.name != _OPTIONAL or getattr(self, entry.name))
         }
 
     @property
@@ -74,6 +76,8 @@ class EnergyBalance:
 
 
 _SUMS = frozenset({"open_circuit_j", "terminals_j", "motor_j"})
+_OPTIONAL = "consumers_j"
+_ROUNDING_W = 1e-6
 
 
 def energy_balance(
@@ -92,6 +96,8 @@ def energy_balance(
     cells = integral(run.battery_heat_w)
     cooling = integral(np.abs(run.compressor_power_w))
     auxiliaries = integral(run.auxiliary_power_w)
+    beyond_w = run.auxiliary_power_w - parameters.cooling.auxiliary_power_w
+    consumers = integral(np.where(np.abs(beyond_w) > _ROUNDING_W, beyond_w, 0.0))
     rolling, air, climb, motion = _road_load_j(run, parameters, slope)
     at_wheels = rolling + air + climb + motion
     # Of what the wheels brake with, the driveline passes on a share.
@@ -105,7 +111,8 @@ def energy_balance(
         terminals_j=terminals,
         converters_j=terminals - motor - cooling - auxiliaries,
         cooling_j=cooling,
-        auxiliaries_j=auxiliaries,
+        auxiliaries_j=auxiliaries - consumers,
+        consumers_j=consumers,
         motor_j=motor,
         drive_j=motor - float(at_wheels.sum()) - brakes,
         brakes_j=brakes,

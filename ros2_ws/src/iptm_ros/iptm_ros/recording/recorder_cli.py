@@ -56,6 +56,14 @@ def build_parser() -> argparse.ArgumentParser:
         " (default: the topic table of the suite, in the recorder's namespace)",
     )
     parser.add_argument(
+        "--also",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("TOPIC", "TYPE"),
+        help="a further topic, as one of an extra, subscribed to at once; may be repeated",
+    )
+    parser.add_argument(
         "--exclude", nargs="+", default=[], metavar="TOPIC", help="names or patterns to leave out"
     )
     parser.add_argument(
@@ -144,6 +152,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         qos=load_qos_overrides(arguments.qos_profile_overrides_path),
         in_existing_folder=arguments.in_existing_folder,
         repeats=arguments.repeat,
+        also=dict(arguments.also),
     )
 
 

@@ -60,6 +60,7 @@ class RecorderOptions:
         is_paused: begin paused.
         qos: quality of service requested by the user, by full names of topics.
         repeats: whether topics that repeat others are written from those instead of being subscribed to.
+        also: types of further topics, by name.
     """
 
     output: Path
@@ -74,6 +75,7 @@ class RecorderOptions:
     qos: QosOverrides = field(default_factory=dict)
     in_existing_folder: bool = False
     repeats: bool = False
+    also: Mapping[str, str] = field(default_factory=dict)
 
 
 class RecorderNode(SuiteNode):
@@ -109,6 +111,7 @@ class RecorderNode(SuiteNode):
             on_error=self._fail,
             qos=options.qos,
             repeats=options.repeats,
+            also=options.also,
         )
         if options.is_paused:
             self._session.pause()

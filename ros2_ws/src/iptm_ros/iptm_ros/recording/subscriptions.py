@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from rclpy.event_handler import QoSSubscriptionEventType
@@ -75,6 +76,7 @@ class TopicSubscriber:
         on_error: Callable[[BagError], None],
         qos: QosOverrides,
         repeats: bool = False,
+        also: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._node = node
         self._qos = qos
@@ -99,7 +101,8 @@ class TopicSubscriber:
                 offer = (from_profile(TOPICS[topic].offered_qos),)
                 write = session.channel(names[topic], type_name, partial(tuple, offer))
                 self._repeats.setdefault(source, {})[topic] = write
-        for name, type_name in self._suite.items():
+        added = {node.resolve_topic_name(name): kind for name, kind in also.items()}
+        for name, type_name in {**self._suite, **added}.items():
             self._subscribe_to(name, [type_name])
 
     @property
