@@ -32,13 +32,14 @@ TRIPS: dict[str, Callable[[], iptm.Trip]] = {
     "us06": lambda: iptm.Trip.of("us06"),
     "wltc": lambda: load_trip("wltc"),
 }
+LONG = {"us06", "wltc"}
 KINDS = ("aging", "energy")
 TOLERANCE_POINTS = 0.1
 
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(name, marks=pytest.mark.slow if name == "wltc" else ()) for name in TRIPS],
+    params=[pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in TRIPS],
 )
 def runs(request: Any) -> tuple[iptm.Run, iptm.Run]:
     trip = TRIPS[request.param]()

@@ -63,7 +63,6 @@ def written(tmp_path: Path, *arguments: str) -> Path:
         ("--ticks", "90"),
         ("--ticks", "40", "--horizon", "6x1", "--strategy", "energy_aging"),
         ("--ticks", "40", "--parameter-set", "at_headway.yaml"),
-        ("--ticks", "60", "--parameter-set", "bmw_i3", "--cycle", "us06"),
         ("--ticks", "60", "--parameter-set", "tesla_model_y", "--cycle", "us06"),
         *(
             pytest.param(
