@@ -72,6 +72,14 @@ def test_late_message_never_fires_an_old_tick() -> None:
     assert matcher.counts == {"matched": 1, "late": 2, "abandoned": 1}
 
 
+def test_a_second_sender_shows_in_two_sets_in_a_row() -> None:
+    """Once a message may come again for a state that came again, or late for a set that left without it."""
+    matcher = StampMatcher(*LEAD, is_complete=lambda values: len(values) >= 2)
+    for stamp_ns, again in ((1, ()), (2, ("leader",)), (3, ()), (4, ("leader",)), (5, ("leader",))):
+        put_all(matcher, stamp_ns, "state", "leader", "preview", *again)
+        assert matcher.counts["duplicate"] == (stamp_ns == 5)
+
+
 def test_duplicate_replaces_the_value_and_does_not_complete_the_set() -> None:
     matcher = StampMatcher("a", ("b",))
     matcher.put("a", 1, "old")

@@ -110,6 +110,19 @@ def test_a_silent_suite_makes_the_car_inactive_in_time(vehicle: VehicleLink) -> 
     assert not any(enabled for _, enabled in silent[active:])
 
 
+def test_a_command_expires_between_two_frames(vehicle: VehicleLink) -> None:
+    """Not up to a period later."""
+    bench = Bench(vehicle)
+    assert bench.step(-1.0)[1]
+    at_s, oldest_s = bench.now_s, vehicle.limits.max_command_age_s
+    assert not bench.gateway.has_expired(at_s + oldest_s - 1e-6)
+    assert bench.gateway.has_expired(at_s + oldest_s + 1e-6)
+    command = bench.judge.command(*bench.gateway.frames(at_s + oldest_s + 1e-6)[0])
+    assert command is not None
+    assert not command[2]
+    assert not bench.gateway.has_expired(at_s + 1.0)
+
+
 def test_letting_go_is_passed_on_at_once(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     bench.step(0.0)

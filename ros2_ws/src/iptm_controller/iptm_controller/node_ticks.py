@@ -62,7 +62,7 @@ class StampMatcher(Generic[K]):
         gate: judges the stamps of sets; it counts the stray ones.
         counts: sets `matched` (handed out) and `abandoned` (given up, because a newer one was handed out or
             memory was full); messages `late` (for a stamp not newer than the last set) and `duplicate`
-            (replaced one of the same slot and stamp).
+            (replaced one of the same slot and stamp, or came again for two sets in a row that had left).
     """
 
     def __init__(
@@ -89,6 +89,8 @@ class StampMatcher(Generic[K]):
         self.gate = gate or StampGate()
         self._is_complete = is_complete or (lambda values: len(values) == len(self._slots))
         self._pending: dict[int, dict[K, Any]] = {}
+        self._last_slots: set[K] = set()
+        self._came_again = self._came_again_before = False
         self.counts: Counter[str] = Counter()
 
     @property
@@ -110,8 +112,10 @@ class StampMatcher(Generic[K]):
         if self.gate.is_late(stamp_ns):
             self.counts["late"] += 1
             if stamp_ns == self.gate.now_ns:
-                is_again = slot == self._leading
-                return MatchedSet(stamp_ns, {}, self.gate.judge(stamp_ns)) if is_again else None
+                if slot == self._leading:
+                    return MatchedSet(stamp_ns, {}, self.gate.judge(stamp_ns))
+                self._note_again(slot)
+                return None
         values = self._pending.setdefault(stamp_ns, {})
         if slot in values:
             self.counts["duplicate"] += 1
@@ -123,11 +127,21 @@ class StampMatcher(Generic[K]):
             self.counts["abandoned"] += 1
         return None
 
+    def _note_again(self, slot: K) -> None:
+        """Note a message for the last set. Once it may be the answer to a state that came again."""
+        if slot in self._last_slots:
+            self._came_again = True
+            if self._came_again_before:
+                self.counts["duplicate"] += 1
+        self._last_slots.add(slot)
+
     def _hand_out(self, stamp_ns: int) -> MatchedSet[K] | None:
         values = self._pending.pop(stamp_ns)
         verdict = self.gate.judge(stamp_ns)
         if verdict is Verdict.STRAY:
             return None
+        self._last_slots = set(values)
+        self._came_again, self._came_again_before = False, self._came_again
         later = verdict is Verdict.NEXT
         over = [stamp for stamp in self._pending if not later or stamp < stamp_ns]
         for other in over:

@@ -204,14 +204,19 @@ class SuiteNode(Node):
         super().destroy_node()
 
     def watch_peers(self, *topics: Topic) -> None:
-        """Look every second whether topics that one node of the graph publishes have several publishers."""
+        """Look every second whether topics that one node of the graph publishes have several publishers.
+
+        Nodes of one name count, too: the topics of a second one may be remapped, as faults do.
+        """
         self._sole = {topic: TOPICS[topic].publisher for topic in topics}
         self.every(_GRAPH_PERIOD_S, self._count_publishers)
 
     def _count_publishers(self) -> None:
+        nodes = self.get_node_names_and_namespaces()
         for topic, who in self._sole.items():
             name = self.resolve_topic_name(TOPICS[topic].name)
-            self.health.note_publishers(who, int(self.count_publishers(name)))
+            named = nodes.count((who, self.get_namespace()))
+            self.health.note_publishers(who, max(named, int(self.count_publishers(name))))
 
     def reject_unknown_parameters(self) -> None:
         """Refuse overrides that no one declared: ROS ignores them, and with them every typo.

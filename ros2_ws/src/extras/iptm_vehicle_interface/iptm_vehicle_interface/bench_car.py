@@ -29,17 +29,15 @@ from iptm_vehicle_interface.frames import FrameCodec
 STEP_S = 0.01
 DEAD_TIME_S = 0.1
 LAG_S = 0.2
-TIMEOUT_S = 0.08
-"""Age of the last command from which the car is inactive by itself."""
-COMPRESSOR_TIMEOUT_S = 0.5
-"""The same for the compressor, which then runs as the car's own control has it: not at all."""
+TIMEOUT_S = 0.065
+"""Age of the last command from which the car is inactive by itself, and its compressor off."""
 DRIVER_REACTION_S = 1.0
 """Time after the car has become inactive in which neither suite nor driver acts: it coasts."""
 DRIVER_MARGIN_M = 2.0
 COASTING_M_S2 = -0.3
 RADAR_RANGE_M = 250.0
 PERIODS: dict[str, int] = {"SPEED": 1, "PEDALS": 2, "RADAR": 5, "BATTERY": 10, "THERMAL": 100}
-"""Steps between two frames of a message."""
+"""Steps between two frames of a message; the one with the state of the channel leaves at once on a change."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class BenchCar:
         self._compressor_s = -math.inf
         self._wanted_m_s2 = 0.0
         self._inactive_since_s = -math.inf
-        self._was_active = False
+        self._was_active = self._stated_active = False
         self._jerk_window: deque[float] = deque(maxlen=11)
         self._radar: dict[str, float] = {}
         self.log = CarLog()
@@ -181,7 +179,7 @@ class BenchCar:
             self._wanted_m_s2 = self._requests.popleft()[1]
         self._acceleration += (self._wanted_m_s2 - self._acceleration) * STEP_S / LAG_S
         before = self.state
-        is_commanded = self.time_s - self._compressor_s <= COMPRESSOR_TIMEOUT_S
+        is_commanded = self.time_s - self._compressor_s <= TIMEOUT_S
         command = Command(self._acceleration, self._compressor_w if is_commanded else 0.0)
         self._step = self._plant.advance(before, command, STEP_S)
         self.state = self._step.state
@@ -230,8 +228,10 @@ class BenchCar:
         faults, due = self._faults, []
         if faults.silent[0] <= self.time_s < faults.silent[1]:
             return []
+        has_changed = self._stated_active is not self._was_active
+        self._stated_active = self._was_active
         for message, every in PERIODS.items():
-            if self._count % every:
+            if self._count % every and not (has_changed and message == "PEDALS"):
                 continue
             frame_id, data = self._codec.encode(message, self._values(message))
             if faults.bad_checksum and self._rng.random() < faults.bad_checksum:

@@ -43,6 +43,7 @@ from iptm_vehicle_interface.safety_layer import (
     Violation,
     checked,
     checked_set_speed,
+    too_old,
 )
 from iptm_vehicle_interface.vehicle import load_vehicle
 
@@ -236,6 +237,11 @@ class Gateway:
         measured = self._signals.value("acceleration_m_s2", now_s)
         return 0.0 if math.isnan(measured) else measured
 
+    def has_expired(self, now_s: float) -> bool:
+        """Return whether the car follows a command that has become too old, which it learns at once."""
+        age_s = now_s - self._motion.time_s
+        return self._sent.enabled and too_old(age_s, self._vehicle.limits)
+
     def inactive(self) -> tuple[int, bytes]:
         """Return the frame that makes the car inactive."""
         return self._encoded(self._vehicle.motion, 0.0, enabled=False)
@@ -337,7 +343,7 @@ class _Link:
         for frame in (frame for reader in self._of_suites for frame in reader.taken()):
             if gateway.from_suite(frame.frame_id, frame.data, frame.time_s):
                 self._next_s = now_s
-        is_due = now_s >= self._next_s
+        is_due = now_s >= self._next_s or gateway.has_expired(now_s)
         if is_due:
             self._next_s = max(self._next_s + PERIOD_S, now_s)
             self._send(gateway.frames(now_s))
