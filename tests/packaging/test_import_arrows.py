@@ -43,8 +43,8 @@ PURE |= {"iptm_drives", "iptm_its", "iptm_vehicle_interface", "iptm_traffic"} & 
 # bridge expects the leader at the start.
 MAY_KNOW_THE_NODE_OF = {
     ("iptm_its.node_sender", "iptm_v2x_bridge"),
-    ("iptm.faults.node_controller", "iptm_controller"),
-    ("iptm.faults.node_plant", "iptm_plant_sim"),
+    ("iptm_faults.node_controller", "iptm_controller"),
+    ("iptm_faults.node_plant", "iptm_plant_sim"),
     ("iptm.runner.one_process", "iptm_controller"),
     ("iptm.runner.one_process", "iptm_plant_sim"),
     ("iptm.runner.one_process", "iptm_v2x_bridge"),

@@ -16,7 +16,7 @@ COMMANDS_OF = """
 import sys
 from iptm.commands.tree import COMMANDS, all_commands
 from iptm_core.extras import offered
-parts = ("commands", "drives", "library", "plants", "strings", "v2x")
+parts = ("commands", "drives", "faults", "library", "plants", "strings", "v2x")
 offers = {module.__name__.partition(".")[0] for part in parts for module in offered(part)}
 print(*sorted(offers), *(all_commands().keys() - COMMANDS.keys()))
 """

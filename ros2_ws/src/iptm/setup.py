@@ -40,15 +40,9 @@ setup(
     entry_points={
         "console_scripts": [
             "iptm = iptm_core.program:main",
-            "injector = iptm_core.program:main",
-            "controller_with_solver_faults = iptm_core.program:main",
-            "plant_with_actuator_faults = iptm_core.program:main",
         ],
         "iptm.programs": [
             "iptm = iptm.commands.tree:main",
-            "injector = iptm.faults.node:main",
-            "controller_with_solver_faults = iptm.faults.node_controller:main",
-            "plant_with_actuator_faults = iptm.faults.node_plant:main",
         ],
     },
     description="The suite as a library and its runner: scenarios, launch files, faults, studies",

@@ -20,6 +20,8 @@ from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODE_SETTINGS, NODES
 from iptm_core.declaration import Scalar, parameter_specs
+from iptm_core.errors import ScenarioError
+from iptm_core.extras import offered
 from iptm_core.parameters import to_flat_dict
 from iptm_core.program import SECTION_END
 from iptm_ros.recording.run_information import MODEL_KEY
@@ -37,13 +39,9 @@ MODULES = {
     BRIDGE: "iptm_v2x_bridge.node",
     CONTROLLER: "iptm_controller.node",
     RECORDER: "iptm_ros.recording.recorder_cli",
-    INJECTOR: "iptm.faults.node",
 }
-FAULTY_NODES = {
-    FaultPlace.SOLVER: (CONTROLLER, "iptm.faults.node_controller"),
-    FaultPlace.VEHICLE: (PLANT, "iptm.faults.node_plant"),
-}
-"""Node variants with faults inside, by the node that each replaces, and their modules."""
+FAULTY_NODES = {FaultPlace.SOLVER: CONTROLLER, FaultPlace.VEHICLE: PLANT}
+"""Nodes that variants with faults inside replace, by the place of the fault."""
 
 _TOPIC_PLACES = (
     FaultPlace.TRAFFIC,
@@ -84,7 +82,7 @@ def node_parameters(trip: Trip) -> dict[str, dict[str, Scalar]]:
     }
     parameters = {node: {**node_settings(trip, node), **own[node]} for node in NODES}
     faults = trip.conditions.faults
-    for place, (node, _) in FAULTY_NODES.items():
+    for place, node in FAULTY_NODES.items():
         if inside := at_places(faults, place):
             parameters[node]["faults"] = json.dumps(plain_faults(inside))
     if needs_injector(faults):
@@ -121,11 +119,21 @@ def node_command(
     if needs_injector(faults):
         for name, other in _REMAPPED.get(node, {}).items():
             ros_arguments += ["-r", f"{name}:={other}"]
-    module = MODULES[node]
-    for place, (faulty, other) in FAULTY_NODES.items():
-        if node == faulty and at_places(faults, place):
-            module = other
-    return [*PYTHON, module, "--ros-args", *ros_arguments]
+    return [*PYTHON, _module_of(node, faults), "--ros-args", *ros_arguments]
+
+
+def _module_of(node: str, faults: Sequence[Fault]) -> str:
+    """Return the module of a node; with faults inside it is that of an extra, as the injector is.
+
+    Raises:
+        ScenarioError: the extra is not installed.
+    """
+    places = [place for place, faulty in FAULTY_NODES.items() if node == faulty]
+    if node in MODULES and not at_places(faults, *places):
+        return MODULES[node]
+    for extra in offered("faults"):
+        return str(extra.INJECTOR if node == INJECTOR else extra.NODES[node])
+    raise ScenarioError("the trip has faults; allowed: none over ROS 2 without the extra of faults")
 
 
 def vehicle_arguments(parameter_files: Iterable[Path], namespace: str) -> list[str]:

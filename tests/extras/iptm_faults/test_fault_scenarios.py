@@ -55,7 +55,7 @@ def test_faults_of_the_solver_bring_another_controller_and_nothing_else() -> Non
     assert received == (OF_SOLVER,)
     assert faulty == plain
     command = node_command(CONTROLLER, Path("p"), "/", [OF_SOLVER])
-    assert "iptm.faults.node_controller" in command
+    assert "iptm_faults.node_controller" in command
 
 
 def test_faults_of_processes_leave_the_nodes_alone() -> None:

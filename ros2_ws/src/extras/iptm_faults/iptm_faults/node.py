@@ -18,7 +18,6 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm.faults.fault import Fault, InjectorNodeParameters, at_places, faulty_name, route_name
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.faults.node_messages import changed_state_message, with_stamp
 from iptm.faults.signals import (
     Delay,
     PreviewFaults,
@@ -30,6 +29,7 @@ from iptm.faults.signals import (
 from iptm_core.errors import MessageError
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, SlopePreview
+from iptm_faults.node_messages import changed_state_message, with_stamp
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,

@@ -1,0 +1,1 @@
+"""Faults over ROS 2: an injector of messages, and nodes with faults inside."""
