@@ -23,7 +23,14 @@ from iptm.trip_files import trip_text
 from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.node_reports import WEAK_BRAKES, OperatorWatch, is_about_limits, situation
+from iptm_controller.node_reports import (
+    BREAKS,
+    CONCERNS,
+    LIMITS,
+    WEAK_BRAKES,
+    OperatorWatch,
+    situation,
+)
 from iptm_core.declaration import TextEnum
 from iptm_core.program import StopRequest
 from iptm_core.settings import LoopMode
@@ -124,6 +131,12 @@ class StatusReport:
             self.level is Level.WARN
             and (self.reason == MESSAGES_REFUSED or is_about_limits(self.reason))
         )
+
+
+def is_about_limits(reason: str) -> bool:
+    """Return whether the reason of a warning lists only limits that the trip violates."""
+    parts = reason.removeprefix(BREAKS).split(", ")
+    return all(part in CONCERNS or part in LIMITS for part in parts)
 
 
 NO_REPORT = StatusReport(0.0, "", Level.OK, "")

@@ -127,7 +127,7 @@ class Transcription:
     def hessian(self, lam_f: ca.MX, lam_rows: ca.MX) -> ca.MX:
         """Return the Hessian of ``lam_f cost + lam_rows . rows``, symmetric and block diagonal."""
         grid = self.grid
-        arguments = grid.stage_arguments(self.variables, self.parameters)
+        arguments = stage_arguments(grid, self.variables, self.parameters)
         blocks = []
         for kind, stage, given in zip(grid.stages, self.stages, arguments, strict=True):
             multipliers = ca.reshape(lam_rows[kind.rows], layout.ROWS, kind.count)
@@ -140,6 +140,32 @@ class Transcription:
         return _assemble(shape, entries, ca.vertcat(*blocks))
 
 
+def stage_arguments(grid: ProblemGrid, w: ca.MX, p: ca.MX) -> list[list[ca.MX]]:
+    """Return the arguments of every stage kind, one column per step.
+
+    Returns:
+        For every kind: states, inputs, step parameters and globals.
+    """
+    arguments = []
+    for kind in grid.stages:
+        table = ca.reshape(w[kind.variables], layout.BLOCK, kind.count)
+        arguments.append(
+            [
+                table[: layout.STATES, :],
+                table[layout.STATES :, :],
+                ca.reshape(p[kind.parameters], kind.parameter_count, kind.count),
+                ca.repmat(p[: layout.GLOBALS], 1, kind.count),
+            ]
+        )
+    return arguments
+
+
+def next_states(grid: ProblemGrid, w: ca.MX) -> ca.MX:
+    """Return x_1 ... x_N of the variables as columns."""
+    shifted = ca.vertcat(w[layout.BLOCK :], ca.MX.zeros(layout.INPUTS))
+    return ca.reshape(shifted, layout.BLOCK, grid.steps)[: layout.STATES, :]
+
+
 def transcribe(problem: OptimalControlProblem) -> Transcription:
     """Return the nonlinear program of a problem."""
     grid = problem.grid
@@ -150,7 +176,7 @@ def transcribe(problem: OptimalControlProblem) -> Transcription:
     w = ca.MX.sym("x", grid.variable_count)
     p = ca.MX.sym("p", grid.parameter_count)
     rows, costs, gradients, jacobians = [], [], [], []
-    arguments = grid.stage_arguments(w, p)
+    arguments = stage_arguments(grid, w, p)
     for kind, stage, given in zip(grid.stages, stages, arguments, strict=True):
         row, cost = stage.value.map(kind.count)(*given)
         rows.append(row)
@@ -159,7 +185,7 @@ def transcribe(problem: OptimalControlProblem) -> Transcription:
         jacobians.append(ca.vec(stage.jacobian.map(kind.count)(*given)))
     row_table = ca.horzcat(*rows)
     row_table = ca.vertcat(
-        row_table[: layout.STATES, :] + grid.next_states(w), row_table[layout.STATES :, :]
+        row_table[: layout.STATES, :] + next_states(grid, w), row_table[layout.STATES :, :]
     )
     entries = _stage_entries(grid, [stage.jacobian_sparsity for stage in stages], layout.ROWS)
     shape = (grid.row_count, grid.variable_count)

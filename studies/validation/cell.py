@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from studies.validation.circuit import REFERENCE_K, Circuit, Samples
+from studies.validation.circuit import REFERENCE_K, Circuit, Samples, ambient_temperature_rate_k_s
 from studies.validation.excerpts import CellTest
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 from iptm_core.markdown import render_page
-from iptm_core.physics.cell import ambient_temperature_rate_k_s
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K
 

@@ -17,7 +17,6 @@ from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
 from iptm_core.markdown import render_page
 from iptm_core.parameters.catalogue import AUXILIARY_POWER_W, CHARGING_EFFICIENCY, INERTIA_FACTOR
-from iptm_core.physics.powertrain import coast_down_force_n
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray
 
@@ -47,6 +46,13 @@ _COLUMNS = {
     "c": "Target Coef C (lbf/mph**2)",
 }
 _ELECTRICITY = "62"
+
+
+def coast_down_force_n(
+    speed_m_s: FloatArray, constant_n: float, linear_n_s_m: float, quadratic_n_s2_m2: float
+) -> FloatArray:
+    """Return the road load ``A + B v + C v^2`` from the three coefficients of a coast-down test, in N."""
+    return constant_n + speed_m_s * (linear_n_s_m + quadratic_n_s2_m2 * speed_m_s)
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from studies.validation.circuit import Circuit, Samples
+from studies.validation.circuit import Circuit, Samples, ambient_temperature_rate_k_s
 from studies.validation.excerpts import Trip
 from studies.validation.i3_drivetrain import durations_s
 from studies.validation.i3_vehicle import SEASONS
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 from iptm_core.markdown import render_page
-from iptm_core.physics.cell import ChargeTable, ambient_temperature_rate_k_s
+from iptm_core.physics.cell import ChargeTable
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K
 

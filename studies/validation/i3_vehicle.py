@@ -23,7 +23,6 @@ from iptm_core.physics.powertrain import (
     motor_torque_nm,
     regenerative_torque_nm,
     traction_force_n,
-    warm_up_force_n,
 )
 from iptm_core.state import FloatArray
 from iptm_core.units import J_PER_KWH
@@ -141,7 +140,8 @@ def motor_torque_at_nm(road: Road, vehicle: I3Vehicle, drivetrain: I3Drivetrain)
     force = traction_force_n(speed, road.acceleration_m_s2, road.slope_rad, body)
     cold_n = vehicle.cold_force_winter_n if road.is_winter else vehicle.cold_force_summer_n
     coldness = np.exp(-abs(road.parked_difference_k) / vehicle.parked_k)
-    force = force + warm_up_force_n(road.driven_s, cold_n * coldness, vehicle.warm_up_s)
+    # Cold tyres, bearings and gear oil.
+    force = force + cold_n * coldness * np.exp(-road.driven_s / vehicle.warm_up_s)
     powertrain = drivetrain.powertrain(vehicle.driveline_efficiency)
     demanded = np.where(speed > 0.1, motor_torque_nm(force, powertrain), 0.0)
     motor_speed = motor_speed_rad_s(speed)

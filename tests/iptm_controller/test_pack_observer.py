@@ -11,7 +11,7 @@ import pytest
 
 from iptm_controller.measurements import Measurements
 from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
-from iptm_controller.pack_observer_in_c import pack_observer
+from iptm_controller.pack_observer_in_c import PackObserverInC
 from iptm_controller.tick_library import tick_library
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
@@ -43,7 +43,7 @@ def drive(
 ) -> list[tuple[PackReport, VehicleState]]:
     """Drive in waves; a dead compressor echoes its command. C reports as Python does, to the last bit."""
     plant, observer = Plant(VALUES, np.zeros_like), PackObserver(VALUES)
-    in_c = pack_observer(VALUES, tick_library())
+    in_c = PackObserverInC(VALUES, tick_library())
     step = plant.observe(plant.initial_state(speed_m_s=20.0))
     command, found = Command(0.0, 0.0), []
     for tick in range(seconds):

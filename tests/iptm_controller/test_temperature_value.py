@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, exact_rates, make_state
+from tests.reference.temperature_value import ReferenceValuation, mean_c_rate_1_h
 
 from iptm_controller.temperature_value import (
     TemperatureValuation,
     TemperatureValue,
-    mean_c_rate_1_h,
     mixing_weights,
 )
 from iptm_controller.tick_library import tick_library
@@ -37,7 +37,7 @@ def value_after(
     rate_1_s: float, elapsed_s: float = 1e5, trip_s: float = math.inf, horizon_s: float = 28.0
 ) -> TemperatureValue:
     """Price the temperatures after a trip with a constant rate, long enough to outweigh the forecast."""
-    valuation = TemperatureValuation(PARAMETERS, WEIGHT, horizon_s, trip_s)
+    valuation = TemperatureValuation(tick_library(), PARAMETERS, WEIGHT, horizon_s, trip_s)
     valuation.value(make_state(time_s=0.0), STEADY)
     first = make_state(time_s=0.0)
     return valuation.value(
@@ -104,7 +104,7 @@ def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
 
 
 def test_the_first_tick_uses_only_the_forecast() -> None:
-    valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
+    valuation = TemperatureValuation(tick_library(), PARAMETERS, WEIGHT, 28.0)
     value = valuation.value(make_state(), STEADY)
     rates = exact_rates(make_state(speed_m_s=25.0))
     expected = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
@@ -116,12 +116,12 @@ def test_a_leader_that_the_pack_could_not_follow_has_a_price() -> None:
     times = 100.0 + np.arange(30.0)
     leader = LeaderPreview(times, 1040.0 + 1.8 * (times - 100.0) ** 2, 3.6 * (times - 100.0))
     state = make_state(cell_1_temperature_k=288.15, cell_n_temperature_k=288.15)
-    value = TemperatureValuation(PARAMETERS, WEIGHT, 28.0).value(state, leader)
+    value = TemperatureValuation(tick_library(), PARAMETERS, WEIGHT, 28.0).value(state, leader)
     assert 1e-10 < value.aging_rate_1_s < 1e-6
 
 
 def test_an_earlier_state_begins_a_new_trip() -> None:
-    valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
+    valuation = TemperatureValuation(tick_library(), PARAMETERS, WEIGHT, 28.0)
     first = valuation.value(make_state(time_s=50.0), STEADY)
     valuation.value(make_state(time_s=500.0, cell_1_capacity_loss=2e-3), STEADY)
     assert valuation.value(make_state(time_s=0.0), STEADY) == first
@@ -147,13 +147,10 @@ def test_mixing_keeps_the_weighted_mean(name: str) -> None:
 
 
 def test_prices_in_c_are_those_of_python() -> None:
-    library = tick_library()
-    if library is None:
-        pytest.skip("no C compiler on this machine")
     rng = np.random.default_rng(4)
     for trip_s in (math.inf, 3000.0):
-        given = PARAMETERS, WEIGHT, 28.0, trip_s
-        forms = [TemperatureValuation(*given), TemperatureValuation(*given, library)]
+        given = tick_library(), PARAMETERS, WEIGHT, 28.0, trip_s
+        forms = [ReferenceValuation(*given), TemperatureValuation(*given)]
         loss = 1e-3
         for tick in range(400):
             loss += float(rng.uniform(-1e-9, 1e-7))

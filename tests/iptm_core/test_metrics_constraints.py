@@ -12,7 +12,6 @@ from iptm_core.metrics.constraints import (
     IneffectiveCooling,
     Streak,
     check_constraints,
-    cold_compressor_energies_j,
 )
 from iptm_core.metrics.figures import figure_values
 from iptm_core.metrics.run_metrics import compute_metrics
@@ -90,16 +89,6 @@ def test_excess_within_the_tolerance_is_shown_but_not_counted(
 
 def test_touching_is_no_collision() -> None:
     assert _check(make_run(leader_position_m=[1, 1, 1, 0]), "collision").violations == 0
-
-
-def test_the_compressor_in_the_cold_is_counted_from_what_both_cells_were_before() -> None:
-    run = make_run(
-        time_s=np.array([0.0, 1.0, 3.0, 4.0]),
-        compressor_power_w=np.array([900.0, 100.0, 200.0, 400.0]),
-        cell_1_temperature_k=np.array([290.0, 290.0, 290.0, 290.0]),
-        cell_n_temperature_k=np.array([290.0, 298.0, 299.0, 299.0]),
-    )
-    assert cold_compressor_energies_j(run, PARAMETERS).tolist() == [0.0, 100.0, 400.0, 0.0]
 
 
 def test_a_halt_breaks_no_limit_of_jerk() -> None:

@@ -20,7 +20,6 @@ from iptm_core.physics.powertrain import (
     battery_power_w,
     brake_release,
     cell_current_a,
-    coast_down_force_n,
     drag_loss_w,
     effective_source_voltage_v,
     extended_pack_current_a,
@@ -30,7 +29,6 @@ from iptm_core.physics.powertrain import (
     regenerative_torque_nm,
     traction_force_n,
     traction_power_w,
-    warm_up_force_n,
 )
 
 VALUES = load_parameters().values
@@ -164,11 +162,6 @@ def test_regeneration_by_hand(
     symbols = [ca.SX.sym(name) for name in "tmva"]
     function = ca.Function("torque", symbols, [regenerative_torque_nm(*symbols, LIMITS)])
     assert float(function(*values)) == pytest.approx(expected)
-
-
-def test_road_load_and_warm_up_by_hand() -> None:
-    assert coast_down_force_n(20.0, 100.0, 2.0, 0.5) == pytest.approx(100.0 + 40.0 + 200.0)
-    assert warm_up_force_n(150.0, 200.0, 150.0) == pytest.approx(200.0 / np.e)
 
 
 TRACTION = st.floats(-60e3, 90e3)

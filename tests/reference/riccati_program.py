@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from studies.speed.transcription import next_states, stage_arguments
 from tests.reference.line_search import FilterPoint, StepSummary
 
 from iptm_controller.ocp import layout
@@ -234,13 +235,13 @@ class _Builder:
 
     def _map(self, functions: list[ca.Function], w: ca.MX, **extra: ca.MX) -> dict[str, ca.MX]:
         """Evaluate one function per stage kind over its steps; results side by side."""
-        arguments = self._grid.stage_arguments(w, self._p)
-        next_states = self._grid.next_states(w)
+        arguments = stage_arguments(self._grid, w, self._p)
+        following = next_states(self._grid, w)
         pieces = [
             function.map(kind.count)(
                 x=x,
                 u=u,
-                x_next=next_states[:, kind.steps],
+                x_next=following[:, kind.steps],
                 p=p,
                 g=shared,
                 **{name: matrix[:, kind.steps] for name, matrix in extra.items()},

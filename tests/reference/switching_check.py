@@ -6,6 +6,7 @@ from dataclasses import astuple, replace
 
 import casadi as ca
 import numpy as np
+from studies.speed.transcription import stage_arguments
 from tests.reference.cooling_search import CoolingSearch, ordered_sum
 
 from iptm_controller.ocp import layout
@@ -210,7 +211,7 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
     values = []
     for option in range(options):
         for kind, function, (x, u, *given) in zip(
-            grid.stages, functions, grid.stage_arguments(w, p), strict=True
+            grid.stages, functions, stage_arguments(grid, w, p), strict=True
         ):
             inputs = ca.vertcat(u[:before, :], tables[kind.steps, option].T, u[after:, :])
             values.append(function.map(kind.count)(x, inputs, *given, costates[:, kind.steps]))

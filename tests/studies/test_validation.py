@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
-from studies.validation.circuit import Samples, branch_current_a
+from studies.validation.circuit import (
+    ChargeTransfer,
+    ResistanceLaw,
+    Samples,
+    ambient_temperature_rate_k_s,
+    branch_current_a,
+)
 from studies.validation.drivers import observations
+from studies.validation.epa import coast_down_force_n
 from studies.validation.excerpts import Drive, Driver, Trip
 from studies.validation.i3_drivetrain import (
     GEAR_RATIO,
@@ -14,6 +21,7 @@ from studies.validation.i3_drivetrain import (
 )
 from studies.validation.outcome import Figure
 
+from iptm_core.physics.cell import ChargeTable
 from iptm_drives.predictor_training import predicted_distance_m
 
 RANDOM = np.random.default_rng(3)
@@ -110,3 +118,29 @@ def test_bar_of_a_figure(
     value: float, lowest: float | None, highest: float | None, met: bool
 ) -> None:
     assert Figure("quantity", "part", value, "%", lowest, highest).is_met is met
+
+
+def test_resistance_law_has_an_offset_and_an_exponential() -> None:
+    offset = ChargeTable((0.0, 1.0), (0.02, 0.02))
+    exponential = ChargeTable((0.0, 1.0), (0.02, 0.01))
+    law = ResistanceLaw(offset, exponential, 0.05, 298.15)
+    assert law.ohm(298.15, 1.0) == pytest.approx(0.03)
+    assert law.ohm(273.15, 0.5) == pytest.approx(0.02 + 0.015 * np.exp(1.25))
+
+
+def test_charge_transfer_is_ohmic_for_small_and_logarithmic_for_large_currents() -> None:
+    transfer = ChargeTransfer(ChargeTable((0.0, 1.0), (1.0, 1.0)), 0.5, 0.06, 298.15)
+    thermal_v = 8.314462618 * 298.15 / 96485.33212
+    small = transfer.voltage_v(1e-4, 298.15, 0.5)
+    assert small == pytest.approx(thermal_v * 1e-4 / 0.5, rel=1e-6)
+    decade = transfer.voltage_v(500.0, 298.15, 0.5) - transfer.voltage_v(50.0, 298.15, 0.5)
+    assert decade == pytest.approx(2.0 * thermal_v * np.log(10.0), rel=1e-4)
+    assert transfer.voltage_v(-3.0, 280.0, 0.5) == -transfer.voltage_v(3.0, 280.0, 0.5)
+    assert transfer.voltage_v(1.0, 263.15, 0.5) > transfer.voltage_v(1.0, 298.15, 0.5)
+
+
+def test_ambient_exchange_and_road_load_by_hand() -> None:
+    rate = ambient_temperature_rate_k_s(500.0, 300.0, 290.0, 100_000.0, 20.0)
+    assert rate == pytest.approx((500.0 - 200.0) / 100_000.0)
+    force_n = coast_down_force_n(np.array([20.0]), 100.0, 2.0, 0.5)
+    assert force_n == pytest.approx([100.0 + 40.0 + 200.0])

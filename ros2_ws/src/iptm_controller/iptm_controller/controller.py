@@ -24,7 +24,7 @@ from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilde
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
 from iptm_controller.pack_model import CELLS, cyclic_parameters, valuation_of
-from iptm_controller.pack_observer_in_c import pack_observer
+from iptm_controller.pack_observer_in_c import PackObserverInC
 from iptm_controller.plan_data import plan_data
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
@@ -104,7 +104,7 @@ class MpcController:
         followed = parameters.limits, parameters.gap, options.radio, parameters.brakes
         self.lead = LeadCheck(options.accuracy, options.road, *followed)
         self._clock = SenderClock()
-        self._pack = pack_observer(parameters, library)
+        self._pack = PackObserverInC(parameters, library)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
         self.power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
         self._road = RoadEnvelope(parameters, options.tick_s)

@@ -58,15 +58,9 @@ _PREVIEW_SITUATION = {
     PreviewQuality.DOUBTED: (Level.WARN, "previews were wrong and are trusted less far ahead"),
 }
 
-_BREAKS = "plans break limits of "
-_LIMITS = ("gap", "speed", "temperature")
+BREAKS = "plans break limits of "
+LIMITS = ("gap", "speed", "temperature")
 _TOLERANCES = (GAP_TOLERANCE_M, SPEED_TOLERANCE_M_S, TEMPERATURE_TOLERANCE_K)
-
-
-def is_about_limits(reason: str) -> bool:
-    """Return whether the reason of a warning lists only limits that the trip violates."""
-    parts = reason.removeprefix(_BREAKS).split(", ")
-    return all(part in CONCERNS or part in _LIMITS for part in parts)
 
 
 def plan_trajectory(plan: Plan | None) -> PlanTrajectory:
@@ -168,7 +162,7 @@ def _warnings(decision: Decision) -> list[str]:
         *((True, fault.value) for fault in pack),
         (decision.brake_share < WEAK_SHARE, WEAK_BRAKES),
         (decision.command_delay_s > 0.0, LATE_COMMANDS),
-        (bool(broken), _BREAKS + ", ".join(broken)),
+        (bool(broken), BREAKS + ", ".join(broken)),
         (early, "solver stopped early, feasible plan used"),
     )
     return [text for holds, text in cases if holds]
@@ -178,7 +172,7 @@ def _limits_broken(decision: Decision) -> tuple[str, ...]:
     """Return the soft limits that the plan breaks."""
     if decision.plan is None:
         return ()
-    slacks = zip(_LIMITS, decision.plan.slacks.values(), _TOLERANCES, strict=True)
+    slacks = zip(LIMITS, decision.plan.slacks.values(), _TOLERANCES, strict=True)
     return tuple(name for name, slack, tolerance in slacks if slack > tolerance)
 
 

@@ -309,7 +309,7 @@ def valuation_of(
         return strategy, price_1_j, CellLawValuation(aging, priced, price_1_j, model, *times_s)
     if strategy.cost_to_go:
         by_law_of_paper = TemperatureValuation(
-            model, strategy.aging_weight, *times_s, tick_library(), strategy.coldest_below_limit_k
+            tick_library(), model, strategy.aging_weight, *times_s, strategy.coldest_below_limit_k
         )
         return strategy, price_1_j, by_law_of_paper
     return strategy, price_1_j, NoValuation()

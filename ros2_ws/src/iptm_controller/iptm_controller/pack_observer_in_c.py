@@ -117,8 +117,3 @@ def _built(known: Sequence[float], last: VehicleState | None) -> PackMemory:
     cell_1, cell_n = (SensorMemory(*numbers[place]) for place in _SENSORS)
     cooled = CoolingMemory(*cooling)
     return PackMemory(time_s, age_s, cell_1, cell_n, last, contradicted_s, cooled)
-
-
-def pack_observer(parameters: ModelParameters, library: ctypes.PyDLL | None) -> PackObserver:
-    """Return the form in C where there is a library."""
-    return PackObserver(parameters) if library is None else PackObserverInC(parameters, library)

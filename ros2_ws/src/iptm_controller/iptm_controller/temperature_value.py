@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
+from iptm_core.physics.cell import aging_current_a
 from iptm_core.physics.ops import doubles
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling, reduce_channel
@@ -38,8 +38,8 @@ from iptm_core.units import SECONDS_PER_HOUR
 FORECAST_WEIGHT_S = 60.0
 """Prior weight of the initial forecast, in seconds of trip data."""
 FORECAST_STEP_S = 1.0
-_C_RATE_ITERATIONS = 6
-_LEAST_RATE_1_S = 1e-15
+C_RATE_ITERATIONS = 6
+LEAST_RATE_1_S = 1e-15
 
 
 @dataclass(frozen=True)
@@ -88,35 +88,6 @@ def mixing_weights(parameters: ModelParameters) -> tuple[float, float, float]:
     return to_n / (to_1 + to_n), to_1 / (to_1 + to_n), to_1 + to_n
 
 
-def mean_c_rate_1_h(
-    rate_1_s: float, temperature_k: float, capacity_loss: float, parameters: ModelParameters
-) -> float:
-    """Return the C-rate at which a cell ages at a given rate, the inverse of eq. (12) for the current.
-
-    Newton's method on ``ln c + b c = ln(rate / k)``, where ``k c exp(b c)`` is the law.
-
-    Args:
-        rate_1_s: rate of the capacity loss, positive.
-    """
-    aging, cell = parameters.aging, parameters.cell
-    at_1_c = capacity_loss_rate_1_s(
-        cell.nominal_capacity_ah, temperature_k, capacity_loss, aging, cell
-    )
-    b = _load_factor_h(temperature_k, parameters)
-    target = math.log(rate_1_s / at_1_c) + b
-    c_rate = math.exp(min(target, 0.0))
-    for _ in range(_C_RATE_ITERATIONS):
-        c_rate *= (1.0 + target - math.log(c_rate)) / (1.0 + b * c_rate)
-    return c_rate
-
-
-def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
-    """Return b of the aging law, the growth of its logarithm with the C-rate."""
-    aging = parameters.aging
-    gas_j_mol = aging.throughput_exponent * aging.gas_constant_j_mol_k * temperature_k
-    return aging.compensation_factor_j_mol / gas_j_mol
-
-
 class NoValuation:
     """A strategy without a price of the temperatures."""
 
@@ -135,18 +106,17 @@ class TemperatureValuation:
 
     def __init__(
         self,
+        library: ctypes.PyDLL,
         parameters: ModelParameters,
         aging_weight: float,
         horizon_s: float,
         trip_duration_s: float = math.inf,
-        library: ctypes.PyDLL | None = None,
         coldest_below_limit_k: float = 0.0,
     ) -> None:
         """Keep what does not change.
 
         Args:
             aging_weight: lambda_Q.
-            library: works the price out in C.
             coldest_below_limit_k: as in `Strategy`.
         """
         self._parameters = parameters
@@ -204,37 +174,18 @@ class TemperatureValuation:
         elapsed_s = state.time_s - start.time_s
         lost = max(_loss(state) - _loss(start), 0.0)
         temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
-        if self._library is not None:
-            aged = state.time_s, temperature_k, _loss(state), elapsed_s, lost, self.foreseen_1_s
-            self._write(*aged)
-            self._library.iptm_value_temperatures(self._numbers, self._aged, self._found)
-            return TemperatureValue(*self._found)
-        rate = (lost + self.foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
-        rate = max(rate, _LEAST_RATE_1_S)
-        values = self._parameters
-        aging = values.aging
-        c_rate = mean_c_rate_1_h(0.5 * rate, temperature_k, 0.5 * _loss(state), values)
-        load = _load_factor_h(temperature_k, values) * c_rate
-        molar_k = aging.throughput_exponent * aging.gas_constant_j_mol_k * temperature_k**2
-        sensitivity = aging.activation_energy_j_mol / molar_k - load / temperature_k
-        remaining_s = max(self._trip_duration_s - state.time_s - self._horizon_s, 0.0)
-        lasting_s = min(self._payback_s(c_rate, load, sensitivity), remaining_s)
-        if math.isinf(lasting_s):  # neither is known: nothing to base a price on
-            lasting_s = 0.0
-        price = self._aging_weight * sensitivity * rate * lasting_s
-        return TemperatureValue(
-            self._share_1 * price, self._share_n * price, rate, sensitivity, lasting_s
-        )
+        return self._priced(state.time_s, temperature_k, _loss(state), elapsed_s, lost)
 
-    def _payback_s(self, c_rate_1_h: float, load: float, sensitivity_1_k: float) -> float:
-        """Return the time after which cooling a kelvin away has saved what it has aged the cells."""
-        if self._performance <= 0.0:
-            return math.inf
-        pack, cell = self._parameters.pack, self._parameters.cell
-        current_a = c_rate_1_h * cell.nominal_capacity_ah * pack.parallel
-        power_w = current_a * pack.open_circuit_voltage_v
-        saved_w_k = self._performance * sensitivity_1_k * power_w
-        return self._heat_capacity_j_k * (1.0 + load) / saved_w_k
+    def _priced(self, *aged: float) -> TemperatureValue:
+        """Return the prices, worked out in C.
+
+        Args:
+            aged: time of the trip, mean temperature and capacity loss of both cells now, time since the first
+                state and what was lost since.
+        """
+        self._write(*aged, self.foreseen_1_s)
+        self._library.iptm_value_temperatures(self._numbers, self._aged, self._found)
+        return TemperatureValue(*self._found)
 
     def _foresee(self, state: VehicleState, leader: LeaderPreview) -> float:
         """Return the mean aging rate of a vehicle that moves like the leader on a flat road, uncooled.

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from iptm_controller.horizon import Horizon
@@ -155,27 +154,3 @@ class ProblemGrid:
     def join(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """Pack states, shape (N + 1, 6), and inputs, shape (N, 6), into the variables."""
         return np.concatenate([np.hstack([states[:-1], inputs]).ravel(), states[-1]])
-
-    def stage_arguments(self, w: ca.MX, p: ca.MX) -> list[list[ca.MX]]:
-        """Return the arguments of every stage kind, one column per step.
-
-        Returns:
-            For every kind: states, inputs, step parameters and globals.
-        """
-        arguments = []
-        for kind in self.stages:
-            table = ca.reshape(w[kind.variables], layout.BLOCK, kind.count)
-            arguments.append(
-                [
-                    table[: layout.STATES, :],
-                    table[layout.STATES :, :],
-                    ca.reshape(p[kind.parameters], kind.parameter_count, kind.count),
-                    ca.repmat(p[: layout.GLOBALS], 1, kind.count),
-                ]
-            )
-        return arguments
-
-    def next_states(self, w: ca.MX) -> ca.MX:
-        """Return x_1 ... x_N of the variables as columns."""
-        shifted = ca.vertcat(w[layout.BLOCK :], ca.MX.zeros(layout.INPUTS))
-        return ca.reshape(shifted, layout.BLOCK, self.steps)[: layout.STATES, :]

@@ -148,16 +148,6 @@ def gap_margins_m(trajectory: Trajectory, parameters: ModelParameters) -> FloatA
     return margins
 
 
-def cold_compressor_energies_j(trajectory: Trajectory, parameters: ModelParameters) -> FloatArray:
-    """Return what the compressor took in intervals begun with both cells below T_b,min, J, shape (n,)."""
-    warmest_k = np.maximum(trajectory.cell_1_temperature_k, trajectory.cell_n_temperature_k)
-    energies: FloatArray = np.zeros(warmest_k.size)
-    cold = warmest_k[:-1] < parameters.limits.min_temperature_k
-    compressor_w = np.maximum(trajectory.compressor_power_w[1:], 0.0)
-    energies[1:] = compressor_w * trajectory.intervals_s * cold
-    return energies
-
-
 def _steps(values: FloatArray) -> FloatArray:
     """Return the magnitude of the change from the row before, shape (n,), 0 in row 0."""
     steps: FloatArray = np.abs(np.diff(values, prepend=values[:1]))

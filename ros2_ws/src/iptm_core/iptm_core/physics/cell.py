@@ -22,11 +22,10 @@ from iptm_core.parameters.model import (
     CoolingParameters,
     ModelParameters,
 )
-from iptm_core.physics.ops import Scalar, absolute, asinh, exp, maximum, minimum
+from iptm_core.physics.ops import Scalar, absolute, exp, maximum, minimum
 from iptm_core.units import SECONDS_PER_HOUR
 
 GAS_CONSTANT_J_MOL_K = 8.314462618
-FARADAY_C_MOL = 96485.33212
 ROUNDING = 1e-9
 """Of a state of charge: a pack that is as full or empty as it may be is not beyond."""
 
@@ -48,52 +47,9 @@ class ChargeTable:
         return result
 
 
-@dataclass(frozen=True)
-class ResistanceLaw:
-    """Resistance over temperature and state of charge: an offset and an exponential.
-
-    Attributes:
-        offset_ohm: part that does not depend on temperature.
-        exponential_ohm: part that does, at the reference temperature.
-        coefficient_1_k: decrease of the logarithm of that part per kelvin.
-    """
-
-    offset_ohm: ChargeTable
-    exponential_ohm: ChargeTable
-    coefficient_1_k: float
-    reference_k: float
-
-    def ohm(self, temperature_k: Scalar, charge: Scalar) -> Scalar:
-        """Return the resistance in ohm."""
-        growth = exponential_growth(temperature_k, self.coefficient_1_k, self.reference_k)
-        return self.offset_ohm.at(charge) + self.exponential_ohm.at(charge) * growth
-
-
 def exponential_growth(temperature_k: Scalar, coefficient_1_k: float, reference_k: float) -> Scalar:
     """Factor by which a resistance exceeds that at the reference temperature."""
     return exp(-coefficient_1_k * (temperature_k - reference_k))
-
-
-@dataclass(frozen=True)
-class ChargeTransfer:
-    """Voltage loss of the electrode reaction (Butler-Volmer equation with equal transfer coefficients).
-
-    Attributes:
-        share: factor on the ideal ``2 R T / F``, over the state of charge.
-        coefficient_1_k: increase of its logarithm per kelvin.
-    """
-
-    share: ChargeTable
-    exchange_current_a: float
-    coefficient_1_k: float
-    reference_k: float
-
-    def voltage_v(self, current_a: Scalar, temperature_k: Scalar, charge: Scalar) -> Scalar:
-        """Return the loss in V with the sign of the current."""
-        growth = exp(self.coefficient_1_k * (temperature_k - self.reference_k))
-        thermal_v = 2.0 * GAS_CONSTANT_J_MOL_K * temperature_k / FARADAY_C_MOL
-        ratio = current_a / (2.0 * self.exchange_current_a * growth)
-        return self.share.at(charge) * thermal_v * asinh(ratio)
 
 
 def charge_rate_1_s(current_a: Scalar, capacity_ah: float) -> Scalar:
@@ -106,18 +62,6 @@ def heat_from_surroundings_w(
 ) -> Scalar:
     """Heat that a cell or pack takes from the air around it, in W."""
     return exchange_w_k * (ambient_k - temperature_k)
-
-
-def ambient_temperature_rate_k_s(
-    heat_w: Scalar,
-    temperature_k: Scalar,
-    ambient_k: Scalar,
-    heat_capacity_j_k: float,
-    exchange_w_k: float,
-) -> Scalar:
-    """Rate of the temperature of a cell or pack that exchanges heat with the air around it, in K/s."""
-    taken_w = heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k)
-    return (heat_w + taken_w) / heat_capacity_j_k
 
 
 _NODES = tuple(0.1 * tenth for tenth in range(11))

@@ -27,7 +27,6 @@ from iptm_core.physics.ops import (
     absolute,
     both,
     cos,
-    exp,
     is_symbolic,
     maximum,
     minimum,
@@ -102,18 +101,6 @@ def advance_position_m(
 def advance_speed_m_s(speed_m_s: Scalar, acceleration_m_s2: Scalar, duration_s: float) -> Scalar:
     """Speed after a time of constant acceleration, exact solution of eq. (1)."""
     return speed_m_s + duration_s * acceleration_m_s2
-
-
-def coast_down_force_n(
-    speed_m_s: Scalar, constant_n: float, linear_n_s_m: float, quadratic_n_s2_m2: float
-) -> Scalar:
-    """Road load ``A + B v + C v^2`` from the three coefficients of a coast-down test, in N."""
-    return constant_n + speed_m_s * (linear_n_s_m + quadratic_n_s2_m2 * speed_m_s)
-
-
-def warm_up_force_n(driven_s: Scalar, cold_force_n: Scalar, time_constant_s: float) -> Scalar:
-    """Additional rolling force of cold tyres, bearings and gear oil."""
-    return cold_force_n * exp(-driven_s / time_constant_s)
 
 
 def motor_torque_nm(
