@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from studies.benchmark.foreign import controller_of, has_bags, place_of
 from studies.road_space.run import EQUAL
 from studies.savings import BASELINE, PRODUCTION, PRODUCTION_SIMPLE, RULE_PREVIEW
 
@@ -293,6 +294,7 @@ class Entrant:
         settings: of the trip, for a strategy.
         is_bad: on purpose; it may not win.
         changes: attributes of the law that differ.
+        source: text that names its file, see `foreign`; empty for one of this file.
     """
 
     name: str
@@ -301,6 +303,7 @@ class Entrant:
     settings: Mapping[str, Any] = field(default_factory=dict)
     is_bad: bool = False
     changes: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
 
     def controller(self, trip: iptm.Trip) -> iptm.Controller | None:
         """Return a fresh controller for a trip, None for one of the suite."""
@@ -310,6 +313,14 @@ class Entrant:
         for name, value in self.changes.items():
             setattr(law, name, value)
         return law
+
+    @property
+    def files(self) -> list[Path]:
+        """Files of one from outside."""
+        path = place_of(self.source)[0] if self.source else None
+        if path is None or path.is_file():
+            return [] if path is None else [path]
+        return sorted(each for each in path.rglob("*") if each.is_file())
 
 
 def _said(law: type[Law]) -> str:
@@ -371,3 +382,16 @@ ENTRANTS = (
     *(Entrant(name, _said(law), law, is_bad=True) for name, law in _BAD.items()),
 )
 BY_NAME = {entrant.name: entrant for entrant in (*REFERENCE, *ENTRANTS)}
+
+
+def entrant_of(text: str) -> Entrant:
+    """Return an entrant by its name, or by its file.
+
+    Raises:
+        ScenarioError: there is no such file.
+    """
+    if text in BY_NAME:
+        return BY_NAME[text]
+    path, inside = place_of(text)
+    law = None if has_bags(path) else lambda car, _: controller_of(path, inside, car)
+    return Entrant(Path(text).name, f"`{text}`", law, source=text)

@@ -13,3 +13,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="held-out trips drawn by this seed in place of the tasks",
     )
+    parser.add_argument(
+        "--entrant",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a further entrant, see docs/how-to/benchmark.md; repeatable",
+    )

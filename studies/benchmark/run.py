@@ -6,77 +6,30 @@ thermostat, at the same mean gap: distance is no gain. Energy and capacity are o
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE, learned
-from studies.benchmark.judge import ROWS, Found, judged, score
+from studies.benchmark.driving import drive, judge
+from studies.benchmark.entrants import ENTRANTS, REFERENCE, Entrant, entrant_of, learned
+from studies.benchmark.judge import Found, score
+from studies.benchmark.kinds import kinds_of, pulses_of
 from studies.session import Session
 
 import iptm
-from iptm.closed_loop import TickController, decided
-from iptm.driving import controller_for, trip_in_ticks
-from iptm.own_parts import OwnController
-from iptm_controller.arrival import ArrivalCost
-from iptm_controller.decision import Decision
-from iptm_core.aging_laws.cells import NCA, NMC811_SI
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.cycles import CYCLE_NAMES
-from iptm_core.state import FloatArray
 
 TASKS = tuple(sorted((Path(__file__).parent / "tasks").glob("*.yaml")))
 SHORT_TASKS, SHORT_S = ("hot", "radio"), 120.0
-LAWS = {cell.law.name: cell.law for cell in (NCA, NMC811_SI)}
 DRAWN = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """Rows of a trip by name, and how long decisions took (s): median and 99th percentile."""
-
-    rows: Mapping[str, FloatArray]
-    median_s: float
-    late_s: float
-
-
-class _Timed:
-    def __init__(self, inner: TickController) -> None:
-        self.options, self._inner, self.times_s = inner.options, inner, list[float]()
-
-    def decide(self, measured: iptm.Measurements) -> Decision:
-        began_s = time.perf_counter()
-        decision = self._inner.decide(measured)
-        self.times_s.append(time.perf_counter() - began_s)
-        return decision
-
-
-def drive(trip: iptm.Trip, entrant: str) -> Driven:
-    """Drive a task with an entrant."""
-    who = BY_NAME[entrant]
-    trip = merged(trip, who.settings).checked()
-    own = who.controller(trip)
-    limits, tick_s = trip.parameters.limits, trip.conditions.period_s
-    timed = _Timed(controller_for(trip) if own is None else OwnController(own, limits, tick_s))
-    run = decided(trip_in_ticks(trip), timed)
-    columns = run.trajectory.to_arrays()
-    return Driven(
-        {name: columns[name] for name in ROWS},
-        float(np.median(timed.times_s)),
-        float(np.quantile(timed.times_s, 0.99)),
-    )
-
-
-def merged(trip: iptm.Trip, settings: Mapping[str, Any]) -> iptm.Trip:
-    """Return a task with the settings of a strategy; the climate of the task stays."""
-    text = trip.vehicle.overrides
-    added = ", ".join(f"{key}={value}" for key, value in settings.get("overrides", {}).items())
-    return trip.changed(**{**settings, "overrides": ", ".join(filter(None, (text, added)))})
+HELD_OUT_SEED = 20261129
+"""The day on which it was first driven, with `learned.json` as it was."""
+LEARNED = "learned"
 
 
 def drawn(seed: int, count: int = DRAWN) -> list[iptm.Trip]:
@@ -100,17 +53,71 @@ def drawn(seed: int, count: int = DRAWN) -> list[iptm.Trip]:
 
 def run(session: Session) -> bool:
     """Run the study; returns whether no entrant that is bad on purpose won a task or the whole."""
-    seed = session.options.seed
-    if seed is not None and session.options.page:
-        raise ScenarioError("--page with --seed; allowed: one of them")
+    seed, further = session.options.seed, session.options.entrant
+    if session.options.page and (further or seed is not None):
+        raise ScenarioError("--page with --seed or --entrant; allowed: one of them")
     tasks = [iptm.load_trip(path) for path in TASKS] if seed is None else drawn(seed)
     if session.short:
         chosen = [trip for trip in tasks if trip.name in SHORT_TASKS] or tasks[:1]
         tasks = [trip.changed(duration_s=SHORT_S) for trip in chosen]
-    entrants = [*REFERENCE, *ENTRANTS]
-    pairs = [(trip, entrant.name) for trip in tasks for entrant in entrants]
-    calls = [{"trip": trip, "entrant": name} for trip, name in pairs]
-    names = [f"{trip.name}/{name}" for trip, name in pairs]
+    entrants = [*ENTRANTS, *map(entrant_of, further)]
+    table = judged_table(session, tasks, entrants)
+    ranked = table[~table.is_reference]
+    best = ranked.loc[ranked.groupby("task").score.idxmax().dropna()]
+    whole = summary(ranked)
+    is_whole = seed is None and not session.short
+    session.render(
+        whole=whole,
+        tasks=[(trip.name, trip.description or trip.heading) for trip in tasks],
+        scores=scores_of(ranked),
+        headings=headings_of(tasks),
+        best=best,
+        details=ranked,
+        entrants=entrants,
+        reference=table[table.is_reference],
+        is_timed=not session.short,
+        seed=seed,
+        digest=learned().digest,
+        held_out=held_out(session) if is_whole else None,
+        kinds=kinds_of(session) if is_whole else None,
+        pulses=pulses_of(session) if is_whole else None,
+    )
+    return not best.is_bad.any() and not whole.iloc[:1].is_bad.any()
+
+
+def held_out(session: Session) -> dict[str, Any]:
+    """Drive the tasks that the seed of a day draws, and compare what was learned with the reference."""
+    tasks = drawn(HELD_OUT_SEED)
+    ranked = judged_table(session, tasks, ENTRANTS).query("~is_reference")
+    points = ranked[ranked.entrant == LEARNED].score
+    return {
+        "seed": HELD_OUT_SEED,
+        "tasks": [(trip.name, trip.heading) for trip in tasks],
+        "whole": summary(ranked),
+        "scores": scores_of(ranked),
+        "headings": headings_of(tasks),
+        "mean": points.mean(),
+        "median": points.median(),
+        "better": int((points > 0.0).sum()),
+    }
+
+
+def headings_of(tasks: Sequence[iptm.Trip]) -> list[tuple[str, str]]:
+    """Return heading and format of the column of each task."""
+    return [(f"{trip.name}:", f"{{{trip.name}}}") for trip in tasks]
+
+
+def judged_table(
+    session: Session, tasks: Sequence[iptm.Trip], takes_part: Sequence[Entrant]
+) -> pd.DataFrame:
+    """Drive tasks with the reference and entrants; a row of what was found for each."""
+    entrants = [*REFERENCE, *takes_part]
+    pairs = [(trip, entrant) for trip in tasks for entrant in entrants]
+    calls = [
+        {"trip": trip, "entrant": each.source or each.name, "files": each.files}
+        for trip, each in pairs
+    ]
+    names = [f"{trip.name}/{entrant.name}" for trip, entrant in pairs]
     driven = session.compute(drive, calls, names)
     rows: list[dict[str, Any]] = []
     for place, trip in enumerate(tasks):
@@ -137,31 +144,7 @@ def run(session: Session) -> bool:
                     "late_ms": 1e3 * trip_driven.late_s,
                 }
             )
-    table = pd.DataFrame(rows)
-    ranked = table[~table.is_reference]
-    best = ranked.loc[ranked.groupby("task").score.idxmax().dropna()]
-    whole = summary(ranked)
-    session.render(
-        whole=whole,
-        tasks=[(trip.name, trip.description or trip.heading) for trip in tasks],
-        scores=scores_of(ranked),
-        headings=[(f"{trip.name}:", f"{{{trip.name}}}") for trip in tasks],
-        best=best,
-        details=ranked,
-        entrants=ENTRANTS,
-        reference=table[table.is_reference],
-        is_timed=not session.short,
-        seed=seed,
-        digest=learned().digest,
-    )
-    return not best.is_bad.any() and not whole.iloc[:1].is_bad.any()
-
-
-def judge(driven: Driven, trip: iptm.Trip) -> Found:
-    """Judge a trip by the numbers of its task."""
-    cost = ArrivalCost.parse(trip.controller.arrival_cost_eur)
-    arrival = None if cost is None else (np.array(cost.celsius), np.array(cost.eur))
-    return judged(driven.rows, trip.parameters, AgingSettings(), LAWS, arrival)
+    return pd.DataFrame(rows)
 
 
 def without_ending(found: Found) -> Found:
@@ -184,7 +167,7 @@ def summary(ranked: pd.DataFrame) -> pd.DataFrame:
             "high": quartiles[0.75],
             "mean": grouped.score.mean(),
             "without_ending": grouped.without_ending.mean(),
-            "unranked": grouped.score.apply(lambda each: int(each.isna().sum())),
+            "unranked": ranked.task.nunique() - grouped.score.count(),
             "vehicles_h": grouped.vehicles_h.median(),
             "below_s": grouped.below_s.sum(),
             "interventions": grouped.interventions.sum(),

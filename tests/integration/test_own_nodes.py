@@ -8,8 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from studies.benchmark.foreign import of_class
+from studies.benchmark.judge import ROWS
+from studies.benchmark.library import both_judges
 
+import iptm
 from iptm_bags.bag_info import result_tables
 from iptm_ros.recording.bag_reader import BagReader
 
@@ -51,6 +56,21 @@ def test_a_run_waits_for_a_node_of_the_users_and_reports_its_figures(
     # The bag gives figures, too.
     with BagReader(output) as reader:
         assert result_tables(reader)[0].row_count > 20
+    if node == "controller":
+        assert_as_the_class_in_python(iptm.load(output))
+
+
+def assert_as_the_class_in_python(recorded: iptm.Run) -> None:
+    """The law of the example in memory: the same rows, and both judges of the benchmark read the bag."""
+    law = of_class(EXAMPLES / "benchmark" / "follower.py", "Follower")
+    driven = iptm.simulate("us06", slope="small", duration_s=20.0, controller=law)
+    rows = recorded.trajectory.to_arrays()
+    for name in ROWS:
+        own = getattr(driven.trajectory, name)
+        np.testing.assert_allclose(rows[name], own, rtol=1e-6, atol=1e-6, err_msg=name)
+    found, by_library = both_judges(recorded, iptm.Trip.of("us06", slope="small", duration_s=20.0))
+    # A thousandth of the cost is a tenth of a point.
+    assert found.eur == pytest.approx(by_library.eur, rel=1e-3)
 
 
 def test_a_node_of_the_users_and_faults_are_refused(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +11,18 @@ from studies.__main__ import main
 from studies.acc.run import LONG_S, LONG_SCENES
 from studies.acc.scenes import long_scenes
 from studies.benchmark import run as benchmark
+from studies.benchmark.driving import LAWS, drive, judge, merged
 from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE, LikeOpenpilot
-from studies.benchmark.judge import ROWS, Found, cooled_down, judged, score
+from studies.benchmark.judge import Found, cooled_down, judged, score
+from studies.benchmark.kinds import FOLLOWER
+from studies.benchmark.library import both_judges, ended_at, ending_kwh
 from studies.life.fast_charge import ChargingStopSettings, fast_charge
 from studies.pages import STUDIES
 
 import iptm
 from iptm_controller.arrival import ArrivalCost
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.metrics.run_metrics import RunMetrics
-from iptm_core.metrics.saving import cool_down
 from iptm_core.metrics.trip_cost import trip_cost
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import FloatArray
 
 TENTH_OF_A_POINT = 0.1
 
@@ -49,7 +47,7 @@ def test_the_judge_finds_what_the_library_finds(
     """Two codes, one cost: by each law within 0.1 %, which is less than 0.1 points of a score."""
     run: iptm.Run = request.getfixturevalue(driven)
     use = AgingSettings()
-    found = judged(run.trajectory.to_arrays(), run.parameters, use, benchmark.LAWS)
+    found = judged(run.trajectory.to_arrays(), run.parameters, use, LAWS)
     metrics = run.metrics
     assert found.gap_m == pytest.approx(metrics.mean_gap_m, rel=2e-3)
     # Between the rows, too.
@@ -62,45 +60,16 @@ def test_the_judge_finds_what_the_library_finds(
     rows = ended_at(run.trajectory.to_arrays(), run.parameters.limits.min_temperature_k)
     for name, law in (("NCA", "nca"), ("NMC811-Si", "nmc811_si")):
         cost = trip_cost(run.trajectory, metrics, run.parameters, use, law)
-        at_rest = judged(rows, run.parameters, use, benchmark.LAWS)
+        at_rest = judged(rows, run.parameters, use, LAWS)
         own = use.electricity_eur_kwh * at_rest.energy_kwh + at_rest.aging_eur[name]
         assert own == pytest.approx(cost.energy_eur + cost.driving_eur, rel=1e-3)
-
-
-def ending_kwh(metrics: RunMetrics, parameters: ModelParameters) -> float:
-    """Energy of cooling the pack down to its lower limit by the library, in kWh per 100 km."""
-    cooling = cool_down(metrics, parameters.limits.min_temperature_k, parameters)
-    assert cooling is not None
-    return cooling[0] / 3.6e6 / metrics.distance_m * 1e5
-
-
-def ended_at(rows: Mapping[str, FloatArray], end_k: float) -> dict[str, FloatArray]:
-    """Rows with another temperature of both cells at the end."""
-    cells = ("cell_1_temperature_k", "cell_n_temperature_k")
-    return {**rows, **{name: np.append(rows[name][:-1], end_k) for name in cells}}
-
-
-def by_library(found: Found, driven: benchmark.Driven, run: iptm.Run) -> Found:
-    """Return it with the costs of the library; of the paper's law, which has no price there, the judge's."""
-    use, p = AgingSettings(), run.parameters
-    costs = [trip_cost(run.trajectory, run.metrics, p, use, law) for law in ("nca", "nmc811_si")]
-    # What cells lose while they are cooled down is the judge's: the library has no such loss.
-    at_rest = judged(ended_at(driven.rows, p.limits.min_temperature_k), p, use, benchmark.LAWS)
-    aging = [each.driving_eur for each in costs] + [at_rest.aging_eur["paper"]]
-    after = [found.aging_eur[name] - at_rest.aging_eur[name] for name in found.aging_eur]
-    energy_eur = costs[0].energy_eur + use.electricity_eur_kwh * ending_kwh(run.metrics, p)
-    eur = [energy_eur + one + more for one, more in zip(aging, after, strict=True)]
-    return replace(found, eur=float(np.median(eur)))
 
 
 def both_ways(name: str, trip: iptm.Trip) -> tuple[Found, Found]:
     """Drive with an entrant, and return what the judge and the library find."""
     own = BY_NAME[name]
-    run = iptm.drive(benchmark.merged(trip, own.settings), controller=own.controller(trip))
-    columns = run.trajectory.to_arrays()
-    driven = benchmark.Driven({each: columns[each] for each in ROWS}, 0.0, 0.0)
-    found = benchmark.judge(driven, trip)
-    return found, by_library(found, driven, run)
+    run = iptm.drive(merged(trip, own.settings), controller=own.controller(trip))
+    return both_judges(run, trip)
 
 
 def test_a_score_by_the_library_is_the_same_to_a_tenth_of_a_point() -> None:
@@ -128,10 +97,8 @@ def test_minutes_at_the_charger_cost_what_the_task_states() -> None:
     minutes = fast_charge(kelvin, ChargingStopSettings(), trip.parameters).minutes
     np.testing.assert_allclose(cost.eur, 0.2 * (minutes - minutes[-1]), atol=1e-3)
     short = trip.changed(duration_s=120.0)
-    driven = benchmark.drive(short, "idm")
-    found, cold = (
-        benchmark.judge(driven, each) for each in (short, short.changed(arrival_cost_eur=""))
-    )
+    driven = drive(short, "idm")
+    found, cold = (judge(driven, each) for each in (short, short.changed(arrival_cost_eur="")))
     km = (driven.rows["position_m"][-1] - driven.rows["position_m"][0]) / 1e3
     assert found.arrival_eur == pytest.approx(
         np.interp(found.end_c, cost.celsius, cost.eur) / km * 100.0
@@ -145,7 +112,7 @@ def test_a_cold_end_gains_nothing_and_a_warm_one_pays_for_its_heat(run: iptm.Run
     rows, lowest_k = run.trajectory.to_arrays(), p.limits.min_temperature_k
 
     def at_end(kelvin: float) -> Found:
-        return judged(ended_at(rows, lowest_k + kelvin), p, use, benchmark.LAWS)
+        return judged(ended_at(rows, lowest_k + kelvin), p, use, LAWS)
 
     assert at_end(-20.0).eur == pytest.approx(at_end(0.0).eur, rel=1e-3)
     # Heat of ten kelvin at a coefficient of performance between 1.5 and 4, auxiliaries included.
@@ -186,10 +153,10 @@ def test_scores_compare_at_equal_road_space() -> None:
 
 def test_who_is_bad_on_purpose_does_not_win_and_who_has_learned_does() -> None:
     trip = iptm.Trip.of("us06", climate=35.0, preview_length_s=60.0)
-    reference = [benchmark.judge(benchmark.drive(trip, each.name), trip) for each in REFERENCE]
+    reference = [judge(drive(trip, each.name), trip) for each in REFERENCE]
 
     def points(name: str) -> float:
-        return score(benchmark.judge(benchmark.drive(trip, name), trip), reference)[0]
+        return score(judge(drive(trip, name), trip), reference)[0]
 
     good = points("rule_preview")
     bad = [points(each.name) for each in ENTRANTS if each.is_bad]
@@ -210,7 +177,7 @@ def test_entrants_follow_a_steady_leader_at_their_gap() -> None:
         ("like_openpilot", LikeOpenpilot.stop_m + LikeOpenpilot.time_gap_s * 20.0),
         ("idm", (6.0 + 1.6 * 20.0) / np.sqrt(1.0 - (20.0 / 60.0) ** 4)),
     ):
-        rows = benchmark.drive(trip, name).rows
+        rows = drive(trip, name).rows
         before_end = rows["time_s"].size - 60
         gaps_m = rows["leader_position_m"] - rows["position_m"]
         assert gaps_m[before_end] == pytest.approx(gap_m, abs=0.5), name
@@ -235,10 +202,12 @@ def test_trips_are_drawn_by_their_seed() -> None:
     assert all(trip.checked() for trip in first)
 
 
-def test_held_out_trips_make_a_page(tmp_path: Path) -> None:
+def test_held_out_trips_and_a_further_entrant_make_a_page(tmp_path: Path) -> None:
     given = ["--seed", "3", "--short", "--no-cache", "--quiet", "--workers", "1"]
+    given += ["--entrant", f"{FOLLOWER / 'follower.py'}:Follower"]
     assert main(["benchmark", *given, "--output", str(tmp_path)]) == 0
     page = (tmp_path / "README.md").read_text("utf-8")
     assert "--seed 3" in page
     assert page.count("`rule_preview`") > 2
+    assert page.count("`follower.py:Follower`") > 2
     assert main(["benchmark", "--seed", "3", "--page"]) == 2

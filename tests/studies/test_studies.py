@@ -33,6 +33,9 @@ PACKAGES = {"iptm", "iptm_core", "iptm_controller", "iptm_plant_sim", "iptm_v2x_
 FROM_OUTSIDE = {"numpy", "pandas", "matplotlib", "jinja2", "yaml"}
 MORE = {
     "benchmark/entrants.py": {"iptm_gym", "scipy"},
+    "benchmark/foreign.py": {"iptm_ecu", "iptm_fmi"},
+    # Bags are recorded for its table.
+    "benchmark/kinds.py": {"iptm_ros"},
     "embedded": {"iptm_ecu"},
     # Trials over ROS 2 are read as messages.
     "trial.py": {"iptm_ros"},
