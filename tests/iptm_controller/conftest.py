@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tests.iptm_controller.scenes import SCENES, make_forecaster
 
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.measurements import Measurements
 
 

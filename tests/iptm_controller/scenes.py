@@ -14,7 +14,7 @@ from studies.speed.transcription import Transcription, transcribe
 from tests.iptm_controller.ipopt_backend import IPOPT, IpoptBackend
 from tests.reference.switching_check import SwitchingCheckInPython
 
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.lead_check import ACCELERATION_DECAY_S
 from iptm_controller.measurements import Measurements

@@ -19,8 +19,7 @@ from tests.iptm_controller.scenes import (
 )
 from tests.reference.leader_forecast import extrapolated_motion
 
-from iptm_controller.forecast import PreviewQuality
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import LeaderForecaster, PreviewQuality
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 

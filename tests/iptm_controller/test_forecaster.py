@@ -10,8 +10,7 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_forecaster, make_scene
 from tests.reference.leader_forecast import ReferenceForecaster
 
-from iptm_controller.forecast import LeaderForecast, PreviewQuality
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import LeaderForecast, LeaderForecaster, PreviewQuality
 from iptm_controller.safeguards import CollisionGuard
 from iptm_controller.tick_library import tick_library
 from iptm_core.frozen import replace

@@ -9,8 +9,7 @@ import pytest
 from tests.iptm_controller.scenes import NONE_YET, expect_constant_speed, make_leader
 from tests.reference.leader_forecast import extrapolated_motion, measured_acceleration_m_s2
 
-from iptm_controller.forecast import HISTORY_S
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import HISTORY_S, LeaderForecaster
 from iptm_controller.lead_check import ACCELERATION_DECAY_S
 from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.state import FloatArray, LeaderState

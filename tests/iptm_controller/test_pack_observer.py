@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from iptm_controller.measurements import Measurements
-from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
-from iptm_controller.pack_observer_in_c import PackObserverInC
+from iptm_controller.pack_observer import PackFault, PackObserver, PackObserverInC, PackReport
 from iptm_controller.tick_library import tick_library
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState

@@ -15,8 +15,7 @@ from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerA
 from iptm_controller.arrival import ArrivalValuation, aging_power_w
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision, Tick
 from iptm_controller.estimator import Estimator
-from iptm_controller.forecast import LeaderForecast
-from iptm_controller.forecaster import LeaderForecaster
+from iptm_controller.forecast import LeaderForecast, LeaderForecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
 from iptm_controller.lead_check import LeadCheck, SenderClock, unpredicted_s
 from iptm_controller.measurements import Measurements, slope_at_rad, trusted_measurements
@@ -24,7 +23,7 @@ from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilde
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
 from iptm_controller.pack_model import CELLS, cyclic_parameters, valuation_of
-from iptm_controller.pack_observer_in_c import PackObserverInC
+from iptm_controller.pack_observer import PackObserverInC
 from iptm_controller.plan_data import plan_data
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope

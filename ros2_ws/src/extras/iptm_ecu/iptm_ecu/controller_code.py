@@ -15,7 +15,7 @@ import numpy as np
 
 from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import MpcController
-from iptm_controller.forecaster import past_room
+from iptm_controller.forecast import past_room
 from iptm_controller.lead_check import unpredicted_s
 from iptm_controller.measurements import MOTION_RANGES, PACK_RANGES
 from iptm_controller.ocp.layout import layout_header
