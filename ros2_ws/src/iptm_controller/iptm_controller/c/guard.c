@@ -64,7 +64,7 @@ int iptm_collision_threatens(const iptm_guarded *guarded, const iptm_motion *mot
   const double ticks =
       1.0 + build_up + most(ceil(most(after_m_s, 0.0) / (-hardest * tick_s)), 0.0) + 1.0;
   const double interval_s = tick_s / CHECKS_PER_TICK;
-  prediction predicted = {NULL, 0.0, 0.0, 0.0, 0};
+  prediction predicted = {NULL, 0.0, 0.0, 0.0, 0.0, 0};
   double limit_m = MARGIN_M;
   int pass;
   /* A leader never moves backwards: most commands are safe before anything is predicted. */
