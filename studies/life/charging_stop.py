@@ -136,11 +136,11 @@ def arrival(
         minute_kwh=value_kwh,
         **settings,
     )
-    arrival_k = _arrival_k(run)
+    arrived_k = arrival_k(run)
     stop = ChargingStopSettings(charging_minute_kwh=value_kwh)
     own_heat, heated = (
         fast_charge(
-            np.array([arrival_k]), replace(stop, charging_heater_kw=kilowatt), run.parameters
+            np.array([arrived_k]), replace(stop, charging_heater_kw=kilowatt), run.parameters
         )
         for kilowatt in (0.0, 1e-3 * HEATER_W)
     )
@@ -148,7 +148,7 @@ def arrival(
         "car": car,
         "air_c": air_c,
         "preparation": preparation,
-        "arrival_c": arrival_k - CELSIUS_ZERO_K,
+        "arrival_c": arrived_k - CELSIUS_ZERO_K,
         "battery_kwh": run.metrics.battery_energy_j / J_PER_KWH,
         "minute_kwh": value_kwh,
         "charge": own_heat,
@@ -192,7 +192,7 @@ def evening(place: str, cooling: str, **settings: Any) -> dict[str, Any]:
     return {
         "place": place,
         "cooling": cooling,
-        "arrival_c": _arrival_k(run) - CELSIUS_ZERO_K,
+        "arrival_c": arrival_k(run) - CELSIUS_ZERO_K,
         "thermal_kwh": compressor_j(run.trajectory) / J_PER_KWH,
         "removed_kwh": float(removed_j) / J_PER_KWH,
     }
@@ -239,7 +239,7 @@ def _drive(
     return iptm.simulate(**call)
 
 
-def _arrival_k(run: iptm.Run) -> float:
+def arrival_k(run: iptm.Run) -> float:
     """Return the mean temperature to which the coolant mixes the cells on arrival."""
     end = run.trajectory.cell_1_temperature_k[-1], run.trajectory.cell_n_temperature_k[-1]
     share_1, share_n, _ = mixing_weights(run.parameters)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from studies.drives import trip
-from studies.life.charging_stop import HEATER_W
+from studies.life.charging_stop import HEATER_W, arrival_k
 from studies.life.fast_charge import ChargingStopSettings, arrival_cost_eur
 
 import iptm
@@ -83,12 +83,13 @@ def arrival(cycle: str, ahead: str, air_c: float, duration_s: float | None) -> l
         step_s = driven.intervals_s
         kwh = run.metrics.battery_energy_j / J_PER_KWH
         c_rate = np.diff(driven.state_of_charge) / step_s * 3600.0
+        end_c = arrival_k(run) - CELSIUS_ZERO_K
         at = driven.state_of_charge[1:], kelvin[1:]
         aging = price.calendar_eur_s(*at) + price.cyclic_eur_s(*at, c_rate)
         parts = {
             "energy_eur": kwh * AgingSettings.electricity_eur_kwh,
             "aging_eur": float(np.dot(aging, step_s)),
-            "arrival_eur": float(np.interp(kelvin[-1] - CELSIUS_ZERO_K, cost.celsius, cost.eur)),
+            "arrival_eur": float(np.interp(end_c, cost.celsius, cost.eur)),
         }
         rows.append(
             {
@@ -96,7 +97,7 @@ def arrival(cycle: str, ahead: str, air_c: float, duration_s: float | None) -> l
                 "ahead": ahead,
                 "air_c": air_c,
                 "price": priced,
-                "end_c": float(kelvin[-1]) - CELSIUS_ZERO_K,
+                "end_c": end_c,
                 "thermal_kwh": thermal_kwh(run),
                 "kwh": kwh,
                 **parts,

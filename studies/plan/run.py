@@ -194,6 +194,7 @@ def _verdict(table: pd.DataFrame) -> Mapping[str, Any]:
         "not_worse": int((shown.saved >= -POINTS).sum()),
         "thrifty": int((shown.energy <= 100.0 * ENERGY).sum()),
         "most_energy": float(shown.energy.max()),
+        "thirsty_eur": float(shown.eur[shown.energy > 100.0 * ENERGY].min()),
         "cheaper": int((shown.eur >= 0.0).sum()),
         "least_eur": float(shown.eur.min()),
         "signs": len(clear),

@@ -105,7 +105,9 @@ def test_a_charge_out_of_reach_is_a_warning(
     week.write_text(text.replace("charge: 0.3,", "charge: 0.9,"), encoding="utf-8")
     statuses = peer.statuses("/planner")
     started(launcher, week)
-    peer.wait_until(lambda: plans and statuses[-1].message == OUT_OF_REACH, what="the first plan")
+    peer.wait_until(
+        lambda: plans and statuses and statuses[-1].message == OUT_OF_REACH, what="the first plan"
+    )
     assert "not charged; asked for: 90.0 %" in status_values(statuses[-1])["missed"]
     assert plans[0]["missed"][0]["departure"] == 1
 
