@@ -90,6 +90,11 @@ RULES = (
     Rule(Way.ELSEWHERE, r"(IPTM_\w+=\S+ )?scripts/setup.*", "tests/packaging/test_setup.py"),
     Rule(
         Way.ELSEWHERE,
+        r"python docs/examples/commute.py .*|scripts/iptm drive show my_commute.csv",
+        "tests/packaging/test_newcomer.py",
+    ),
+    Rule(
+        Way.ELSEWHERE,
         r"python docs/examples/.*|scripts/(controller|v2x_bridge)|scripts/run_demo --without .*",
         "tests/integration/test_own_nodes.py",
     ),

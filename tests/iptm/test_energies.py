@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import iptm
+from iptm_core.parameters.loading import DEFAULT_SET, available_parameter_sets
 from iptm_core.physics.cell import at_charge
 
+VARIANTS = ("paper_identified", "published_chiller", "textbook_cell")
 QUICK = {"duration_s": 120.0, "horizon": "3x1", "strategy": "production"}
 CARS = ("paper_calibrated", "volkswagen_id4", "bmw_i3")
+NAMED = sorted(set(available_parameter_sets()) - {DEFAULT_SET, *VARIANTS})
+"""The twelve cars by name."""
 
 
 @pytest.mark.parametrize("car", CARS)
@@ -46,6 +50,14 @@ def test_the_balance_closes_and_its_parts_are_those_of_current_and_voltage(
     assert found.brakes_j >= 0.0
     if slope == "flat":
         assert found.climb_j == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cycle", ["us06", "nycc", "wltc_class3b"])
+@pytest.mark.parametrize("car", NAMED)
+def test_the_balance_closes_for_every_car(car: str, cycle: str) -> None:
+    run = iptm.simulate(cycle, vehicle=car, slope="small", **QUICK)
+    assert abs(run.energies.residual) < 1e-6
 
 
 def test_the_report_has_a_bar_of_the_energies(tmp_path: Path) -> None:
