@@ -11,6 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
 from iptm_core.errors import BagError, IptmError, StoreError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
@@ -18,8 +22,6 @@ from iptm_core.user_input import number
 # ruff: noqa: PLC0415
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import Console
-    from rich.table import Table
 
     from iptm.comparison import Comparison
 
@@ -31,8 +33,6 @@ _BAG = "bag folder or file"
 
 def console_of_width() -> Console:
     """Return a console as wide as the terminal, or as a table needs."""
-    from rich.console import Console
-
     # A pipe has no width of its own.
     return Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
 
@@ -158,8 +158,6 @@ def _compare_figures(given: argparse.Namespace) -> None:
 
 
 def _print_figures(comparison: Comparison) -> None:
-    from rich.text import Text
-
     from iptm.report import figure_table, outcome_lines
 
     console = console_of_width()
@@ -180,9 +178,6 @@ def _print_figures(comparison: Comparison) -> None:
 
 
 def _table(corner: str, frame: pd.DataFrame) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
     # As plain text: units stand in brackets, which are markup to rich.
     table = Table(corner)
     for name in frame.columns:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iptm.commands.tree import all_commands
+from iptm_core.declaration import plain
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.extras import offered
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.user_input import nearest, one_of
+from iptm_core.user_input import check_known, nearest, one_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -273,8 +275,6 @@ def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
 
 def _run_in_memory(trip: Trip, parsed: argparse.Namespace, console: Console) -> int:
     """Drive a trip in memory and print its summary."""
-    from dataclasses import replace  # noqa: PLC0415
-
     from iptm.driving import drive_in_memory  # noqa: PLC0415
     from iptm.runner.summary import headline  # noqa: PLC0415
 
@@ -300,8 +300,6 @@ def _list_trips(console: Console) -> None:
 
 def _list_settings(group: str) -> None:
     from iptm.trip_settings import GROUPS, HOME, SPECS  # noqa: PLC0415
-    from iptm_core.declaration import plain  # noqa: PLC0415
-    from iptm_core.user_input import check_known  # noqa: PLC0415
 
     if group:
         check_known(group, GROUPS, "--settings", "group", ScenarioError)
