@@ -18,6 +18,7 @@ import numpy as np
 from iptm.driving import drive_in_memory, plant_for
 from iptm.run import Run
 from iptm.trip import Trip
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon, HorizonPhase
 from iptm_controller.measurements import Measurements
@@ -37,6 +38,7 @@ from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.decision_record import DecisionSeries, SolveStatus
 from iptm_core.errors import ScenarioError
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, FloatArray, LeaderPreview, SlopePreview, VehicleState
@@ -104,6 +106,7 @@ def solve_whole_trip(
     strategy: Strategy,
     start: Trajectory,
     tick_s: float,
+    model: ModelParameters,
     on_solve: Callable[[WholeTripSolve], None] | None = None,
     value: TemperatureValue = NO_VALUE,
 ) -> tuple[Trajectory, WholeTripRecord]:
@@ -115,6 +118,7 @@ def solve_whole_trip(
         strategy: cost terms and weights.
         start: a finished run of the same route, as first guess.
         tick_s: step length.
+        model: of the problem, see `posed`.
         on_solve: called after every solve.
         value: what a kelvin costs at the end.
 
@@ -122,12 +126,11 @@ def solve_whole_trip(
         The plant driven with the optimal inputs, and how they were found.
     """
     horizon = Horizon((HorizonPhase(round(route.duration_s / tick_s), tick_s),))
-    parameters = nominal_charge_parameters(plant.parameters)
     # The driven trip is far from its optimum; one found for another expansion is near.
     first, further = (
         build_plain_solver(
             horizon,
-            parameters,
+            model,
             SolverOptions(
                 max_iterations=MAX_ITERATIONS,
                 tolerance=TOLERANCE,
@@ -138,7 +141,7 @@ def solve_whole_trip(
         for warm_start in (0, MAX_ITERATIONS)
     )
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy, parameters)
+    builder = ProblemDataBuilder(grid, strategy, model)
     leader = _leader_motion(route, horizon)
     slope = SlopePreview(np.asarray(route.slope.positions_m), np.asarray(route.slope.slopes_rad))
     state = plant.initial_state()
@@ -241,6 +244,22 @@ def _drive(
     return Trajectory.from_ticks(ticks)
 
 
+def posed(trip: Trip, parameters: ModelParameters) -> tuple[Strategy, ModelParameters]:
+    """Return strategy and model of the problem of a whole trip.
+
+    With all in one currency both are the controller's, but for the lower temperature limit, which cell 1 may
+    be below by as much as its controller permits: the mean of the pack is left free, so that the
+    optimum is a bound.
+    """
+    strategy = trip.controller.weighted_strategy()
+    if not strategy.in_currency:
+        return strategy, nominal_charge_parameters(parameters)
+    coldest_k = parameters.limits.min_temperature_k - strategy.coldest_below_limit_k
+    limits = replace(parameters.limits, min_temperature_k=coldest_k)
+    controller = MpcController(replace(parameters, limits=limits), trip.options)
+    return controller.plan_data.builder.strategy, controller.model
+
+
 def drive_whole_trip(trip: Trip) -> tuple[Run, WholeTripRecord]:
     """Solve a trip as one optimal control problem and drive the plant with its inputs.
 
@@ -270,8 +289,12 @@ def drive_whole_trip(trip: Trip) -> tuple[Run, WholeTripRecord]:
             values.append(decision.value)
 
     first = drive_in_memory(trip, on_tick=note)
-    vehicle = plant_for(trip), strategy, first.trajectory, trip.conditions.period_s
-    trajectory, record = solve_whole_trip(trip.route, *vehicle, value=values[-1])
+    plant = plant_for(trip)
+    weighted, model = posed(trip, plant.parameters)
+    driven = first.trajectory, trip.conditions.period_s
+    trajectory, record = solve_whole_trip(
+        trip.route, plant, weighted, *driven, model, value=values[-1]
+    )
     nothing = DecisionSeries.from_records([], [])
     name = f"whole trip, {first.name}"
     run = replace(first, name=name, trajectory=trajectory, decisions=nothing, reports=())

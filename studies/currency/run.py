@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.currency import bound
 from studies.drives import DEFAULT, trip
 from studies.road_space.run import EQUAL
 from studies.savings import (
@@ -95,6 +96,22 @@ def cases_of(session: Session) -> Iterator[Case]:
             yield Case(where, labels, call)
 
 
+def _bound_calls(*, short: bool) -> Iterator[dict[str, Any]]:
+    """Yield the arguments of `bound.costs` for the level cycles."""
+    car, ambient_c = USUAL
+    for cycle in ("us06",) if short else CYCLE_NAMES:
+        trips = {
+            name: call_of(cycle, role, car, ambient_c, perfect=perfect, road=ROADS[0])
+            | ({"duration_s": SHORT_S} if short else {})
+            for name, role, perfect in (
+                ("production", PRODUCTION, False),
+                ("priced", PRICES, True),
+                ("unseen", PRICES, False),
+            )
+        }
+        yield {"cycle": cycle, **trips}
+
+
 def run(session: Session) -> bool:
     """Run the study; returns whether no lead vehicle was touched."""
     cases = list(cases_of(session))
@@ -105,6 +122,9 @@ def run(session: Session) -> bool:
     rows = pd.DataFrame(
         row for _, trips in driven.groupby(places, sort=False) for row in _rows(trips)
     )
+    calls = list(_bound_calls(short=session.short))
+    names = [f"{each['cycle']}, whole trip" for each in calls]
+    bounds = [each for each in session.compute(bound.costs, calls, names) if each is not None]
     shown = rows[rows.role != PRODUCTION]
     keys = ["car", "ambient_c", "role", "perfect", "preview"]
     session.render(
@@ -113,6 +133,7 @@ def run(session: Session) -> bool:
             _summary(place, part) for place, part in shown.groupby(keys, sort=False)
         ),
         verdicts=list(_verdicts(rows)),
+        bounds=bounds,
         equal_s=EQUAL_S,
     )
     return bool((rows.smallest_gap_m > 0.0).all())

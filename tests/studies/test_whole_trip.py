@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from studies.currency.bound import costs
 from studies.whole_trip import drive_whole_trip
 
 from iptm.driving import drive_in_memory
@@ -72,3 +73,12 @@ def test_a_whole_trip_is_one_problem() -> None:
     assert whole.metrics.degradation < 1.01 * loop.metrics.degradation
     with pytest.raises(IptmError, match="which optimises nothing"):
         drive_whole_trip(trip.changed(strategy="production"))
+
+
+def test_in_one_currency_nothing_costs_less_than_the_optimum_of_the_whole_trip() -> None:
+    call = {"cycle": "us06", "duration_s": 60.0, "overrides": {"gap.desired_time_headway_s": 1.7}}
+    priced = {**call, "strategy": "prices", "value_beyond_trip": True}
+    unseen = {**priced, "preview_mode": "none"}
+    found = costs("us06", {**call, "strategy": "production"}, priced, unseen)
+    assert found["whole"] < found["prices"] < min(found["production"], found["none"])
+    assert 0.0 < found["none_reached"] < found["prices_reached"] < 100.0
