@@ -14,11 +14,10 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
 
-from iptm.fingerprint import SUITE, fingerprint, fingerprint_of_files, used_by
+from iptm.fingerprint import RECORD, SUITE, fingerprint, fingerprint_of_files, used_by
 from iptm_core.errors import StoreError
 
 STUDIES = Path(__file__).parent
-RECORD = "record.json"
 PAGE = "README.md"
 SHOWN_DIGITS = 12
 """Of the digest in the foot of a page."""

@@ -150,7 +150,9 @@ def test_what_a_study_imports_is_part_of_the_keys_of_its_calls(
     for name in ("fingerprint", "fingerprint_of_files"):
         monkeypatch.setattr(fingerprint, name, lambda parts: counted.extend(parts) or "")
     fingerprint.code_of_package.__wrapped__("studies.chain")
-    assert {"studies.chain", "iptm_its", STUDIES / "collisions" / "families.py"} <= {*counted}
+    own = STUDIES / "chain"
+    assert {own / "run.py", "iptm_its", STUDIES / "collisions" / "families.py"} <= {*counted}
+    assert own / fingerprint.RECORD not in counted
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.rglob("*.py")), ids=lambda path: path.name)

@@ -30,6 +30,8 @@ SUITE = (
 )
 """Packages that a trip without ROS runs through, and extras that read drives."""
 LIBRARIES = ("casadi", "numpy")
+RECORD = "record.json"
+"""A study writes it after its calls, for which it does not count."""
 _DATA = frozenset({".yaml", ".json", ".csv", ".gz", ".npz", ".c", ".h"})
 
 
@@ -152,9 +154,9 @@ def call_key(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 def code_of_package(root: str) -> str:
     """Return the digest of the suite, a package, and what it imports."""
     folder = Path(next(iter(import_module(root.partition(".")[0]).__path__)))
-    own = (path for _, path in files_of(root) if path.suffix == ".py")
-    files, packages = used_by(own, folder)
-    return fingerprint((*SUITE, root, *packages)) + fingerprint_of_files(files)
+    own = [path for _, path in files_of(root) if path.name != RECORD]
+    files, packages = used_by((path for path in own if path.suffix == ".py"), folder)
+    return fingerprint((*SUITE, *packages)) + fingerprint_of_files({*files, *own})
 
 
 @singledispatch
