@@ -10,6 +10,7 @@ other until its cycles close.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -19,7 +20,7 @@ import numpy as np
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import MpcController
 from iptm_controller.strategy import STRATEGIES
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics.repeated import (
     NOTED_DRIFT_K,
     Repeated,
@@ -140,6 +141,21 @@ def repeat(run: Run) -> Repeated | None:
     if run.trajectory not in _KNOWN:
         _KNOWN[run.trajectory] = None if why_not(run) else _repeat(run)
     return _KNOWN[run.trajectory]
+
+
+def one_after_the_other(run: Run) -> Iterator[Repetition]:
+    """Yield repetitions of the trip of a run without end, each from where the one before has ended.
+
+    Raises:
+        ScenarioError: the run cannot be driven over and over.
+    """
+    if run.trip is None or why_not(run):
+        raise ScenarioError(f"{run.name} cannot be repeated: {why_not(run)}")
+    tile = _Tile(run.trip)
+    end = _first_end(run)
+    while True:
+        done, end = tile.drive(end)
+        yield done
 
 
 def _first_end(run: Run) -> _End:
