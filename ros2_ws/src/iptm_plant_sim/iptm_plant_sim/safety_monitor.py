@@ -293,7 +293,7 @@ class SafetyMonitor:
             f"{lead.speed_m_s:.1f} m/s"
         )
         if unseen_s:
-            reason += f", which was last measured {unseen_s:.1f} s too long ago"
+            reason += f"; the range measurement is {unseen_s:.1f} s late"
         since_s = memory.since_s if memory.braking else time_s
         return replace(memory, braking=True, gently=not fully, since_s=since_s, reason=reason)
 
