@@ -3,9 +3,9 @@
     EUR = p_E (E_b - E_kin) + p_Q (Q_trip + Q_parked)
 
 with the battery energy E_b, the kinetic energy at the end, assumed to be recovered in full, and the mean of
-both cells' capacity loss at the end of service. Q_trip is lost while driving. Q_parked is what the parked pack
-loses because it arrives warmer than it settles, negative where it arrives cooler (`ParkedAging`). The price
-of capacity p_Q spreads the price of the battery over the loss at which it is replaced.
+both cells' capacity loss at the end of service. Q_trip is lost while driving. Q_parked is what the parked
+pack loses because it arrives warmer than it settles, negative where it arrives cooler (`ParkedAging`). The
+price of capacity p_Q spreads the price of the battery over the loss at which it is replaced.
 """
 
 from __future__ import annotations
