@@ -63,7 +63,7 @@ def test_short_preview_goes_on_at_its_last_speed(
 def test_bounds_limit_how_far_a_preview_is_known(
     forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
-    known = make_preview(leader, acceleration_m_s2=-0.2)
+    known = make_preview(leader, acceleration_m_s2=0.8)
     # 0.1 m/s^2 t^2: 0.9 m after 3 s, 1.6 m after 4 s.
     bounded = replace(known, bounds_m=0.1 * (known.times_s - leader.time_s) ** 2)
     forecast = forecaster.forecast(leader, bounded)
@@ -82,11 +82,36 @@ def test_bounds_limit_how_far_a_preview_is_known(
     assert not behind_m[4:].any()
 
 
+@pytest.mark.parametrize(
+    ("acceleration_m_s2", "bound_m", "limit_m"),
+    [
+        # Measured at constant speed. 0.325 m after 1 s are not allowed for without a preview either.
+        (-1.0, 0.3, -0.5),
+        (0.2, 0.3, 0.0),
+        (2.0, 0.3, 0.7),
+        (-1.0, 0.5, -0.675),
+        (0.2, 0.5, -0.175),
+        (2.0, 0.5, 0.5),
+    ],
+)
+def test_bounds_of_a_leader_measured_now_ask_for_no_more_distance_than_without_a_preview(
+    forecaster: LeaderForecaster,
+    leader: LeaderState,
+    acceleration_m_s2: float,
+    bound_m: float,
+    limit_m: float,
+) -> None:
+    preview = make_preview(leader, acceleration_m_s2=acceleration_m_s2)
+    wide = replace(preview, bounds_m=bound_m * (preview.times_s - leader.time_s))
+    limiting = forecaster.forecast(leader, wide).limiting
+    assert limiting.at(np.array([101.0]))[0] - 1055.0 == pytest.approx(limit_m)
+
+
 def test_a_preview_that_is_not_known_at_all_is_an_expectation(
     forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
-    preview = make_preview(leader)
-    forecast = forecaster.forecast(leader, replace(preview, bounds_m=np.full(61, 2.0)))
+    preview = make_preview(leader, acceleration_m_s2=4.0, length_s=5.0)
+    forecast = forecaster.forecast(leader, replace(preview, bounds_m=np.full(6, 2.0)))
     assert (forecast.quality, forecast.known_s) == (PreviewQuality.SHORT, 0.0)
     growing = replace(preview, bounds_m=2.0 * (preview.times_s - leader.time_s))
     forecast = forecaster.forecast(leader, growing)

@@ -12,6 +12,7 @@ from tests.reference.preview_trust import PreviewFusion, PreviewTrust
 from iptm_controller.forecast import (
     HISTORY_S,
     NEAR_S,
+    UNKNOWN_ACCELERATION_M_S2,
     ForecastMemory,
     LeaderForecast,
     PreviewQuality,
@@ -141,12 +142,22 @@ class ReferenceForecaster:
         self, leader: LeaderState, preview: LeaderPreview, future: LeaderPreview, known_s: float
     ) -> LeaderPreview:
         cautious = self._follow_preview(leader, preview.cautious())
+        measured_m, measured_m_s = self._extrapolated(leader).at(future.times_s)
         bounded = future.times_s <= leader.time_s + known_s + ROUNDING_S
         bounded[:2] = True
+        since_s = np.maximum(future.times_s - preview.times_s[0], ROUNDING_S)
+        bounds_m = (
+            np.interp(future.times_s, preview.times_s, preview.bounds_m) - preview.bounds_m[0]
+        )
+        more_m = np.maximum(bounds_m - 0.5 * UNKNOWN_ACCELERATION_M_S2 * since_s**2, 0.0)
+        nearer_m = np.minimum(future.positions_m, measured_m) - more_m
+        slower_m_s = np.minimum(future.speeds_m_s, measured_m_s) - 2.0 * more_m / since_s
+        limits_m = np.maximum(cautious.positions_m, nearer_m)
+        limits_m_s = np.maximum(cautious.speeds_m_s, slower_m_s)
         return LeaderPreview(
             future.times_s,
-            np.where(bounded, cautious.positions_m, future.positions_m),
-            np.where(bounded, cautious.speeds_m_s, future.speeds_m_s),
+            np.where(bounded, limits_m, future.positions_m),
+            np.where(bounded, limits_m_s, future.speeds_m_s),
         )
 
     def _not_beyond_measured(self, leader: LeaderState, future: LeaderPreview) -> LeaderPreview:

@@ -2,8 +2,10 @@
 
 A preview is used only if it is well formed and recent enough; beyond its end the leader keeps its last speed.
 It is trusted as far as its bounds allow, and up to the horizon that earlier previews justify. From
-there on the plan follows the expected motion and keeps its braking reserve. Without a preview the leader is
-extrapolated: its measured acceleration decays. Which of these holds, and why, is part of the result.
+there on the plan follows the expected motion and keeps its braking reserve. Bounds hold back what a preview
+promises beyond the measured motion; of an up-to-date leader they ask for no more distance than without a
+preview. Without a preview the leader is extrapolated: its measured acceleration decays. Which of these holds,
+and why, is part of the result.
 """
 
 from __future__ import annotations
@@ -50,6 +52,9 @@ HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
 NEAR_S = 3.0
 """Where the trusted horizon is shorter than this, the measured motion limits the forecast up to here."""
+UNKNOWN_ACCELERATION_M_S2 = 0.65
+"""Without a preview the motion is extrapolated, and the gap limits hold for it. What lead vehicles may brake
+meanwhile, 1.3 m in 2 s, is not allowed for then; bounds of a preview ask for the rest only."""
 
 
 class PreviewQuality(IntEnum):
@@ -76,7 +81,8 @@ class LeaderForecast:
     Attributes:
         motion: past and future, one piece.
         limiting: motion that the gap limits hold for: less its bounds as far as it is known, and at the first
-            node in any case.
+            node in any case, but behind both expected and extrapolated motion only by what exceeds
+            `UNKNOWN_ACCELERATION_M_S2`.
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.

@@ -417,12 +417,15 @@ static void keep(const iptm_forecaster *forecaster, iptm_forecast_memory *memory
   memory->newest_tick = tick;
 }
 
-/* Write the motion that the leader hardly falls behind, as far as it is known, see LeaderPreview.cautious. */
-static void limit(const iptm_motion *preview, const iptm_leader *leader, double known_s,
+/* Write the motion that limits hold for, as far as it is known: see LeaderPreview.cautious, but behind both
+ * expected and measured motion only by what exceeds UNKNOWN_ACCELERATION_M_S2. */
+static void limit(const iptm_motion *preview, const iptm_motion *measured,
+                  const iptm_leader *leader, double known_s,
                   const double *times_s, const double *positions_m, const double *speeds_m_s,
                   double *limiting_m, double *limiting_m_s, double *work) {
   double *const cautious_m = work, *const cautious_m_s = work + preview->nodes;
   double *const unused_s = work + (ptrdiff_t)2 * preview->nodes;
+  const double first_s = preview->times_s[0];
   iptm_motion cautious = *preview;
   int nodes, i;
   for (i = 0; i < preview->nodes; ++i) {
@@ -435,10 +438,22 @@ static void limit(const iptm_motion *preview, const iptm_leader *leader, double 
   cautious.positions_m = cautious_m;
   cautious.speeds_m_s = cautious_m_s;
   nodes = follow(&cautious, leader, unused_s, limiting_m, limiting_m_s);
-  for (i = 2; i < nodes; ++i) {
-    if (times_s[i] <= leader->time_s + known_s + ROUNDING_S) continue;
-    limiting_m[i] = positions_m[i];
-    limiting_m_s[i] = speeds_m_s[i];
+  for (i = 0; i < nodes; ++i) {
+    if (i < 2 || times_s[i] <= leader->time_s + known_s + ROUNDING_S) {
+      const double since_s = most(times_s[i] - first_s, ROUNDING_S);
+      const double bound_m =
+          iptm_interpolate(times_s[i], preview->times_s, preview->bounds_m, 1, preview->nodes) -
+          preview->bounds_m[0];
+      const double more_m =
+          most(bound_m - 0.5 * UNKNOWN_ACCELERATION_M_S2 * since_s * since_s, 0.0);
+      double speed_m_s, position_m = iptm_motion_at(measured, times_s[i], &speed_m_s);
+      limiting_m[i] = most(limiting_m[i], least(positions_m[i], position_m) - more_m);
+      limiting_m_s[i] =
+          most(limiting_m_s[i], least(speeds_m_s[i], speed_m_s) - 2.0 * more_m / since_s);
+    } else {
+      limiting_m[i] = positions_m[i];
+      limiting_m_s[i] = speeds_m_s[i];
+    }
   }
 }
 
@@ -465,7 +480,8 @@ void iptm_forecast_leader(const iptm_forecaster *forecaster, iptm_forecast_memor
   double *times, *positions, *speeds, *const work = memory->work;
   const int known = received->nodes > 0 ? known_nodes(received) : 0;
   const double known_until_s = known > 0 ? received->times_s[known - 1] : -INFINITY;
-  iptm_motion preview = *received;
+  double columns[3][IPTM_EXTRAPOLATED_NODES];
+  iptm_motion preview = *received, measured;
   int past, i, nodes;
   remember(forecaster, memory, leader);
   observe(forecaster, memory, tick, leader->speed_m_s);
@@ -500,23 +516,22 @@ void iptm_forecast_leader(const iptm_forecaster *forecaster, iptm_forecast_memor
     forecast->known_s = forecast->trusted_s;
     forecast->quality = IPTM_PREVIEW_DOUBTED;
   }
+  if (preview.bounds_m == NULL && !(forecast->trusted_s < NEAR_S)) return;
+  measured.nodes = extrapolate(forecaster, memory, leader, columns[0], columns[1], columns[2]);
+  measured.times_s = columns[0];
+  measured.positions_m = columns[1];
+  measured.speeds_m_s = columns[2];
   if (preview.bounds_m != NULL) {
     forecast->has_limiting = 1;
     for (i = 0; i < past; ++i) {
       forecast->limiting_positions_m[i] = forecast->positions_m[i];
       forecast->limiting_speeds_m_s[i] = forecast->speeds_m_s[i];
     }
-    limit(&preview, leader, forecast->known_s, times, positions, speeds,
+    limit(&preview, &measured, leader, forecast->known_s, times, positions, speeds,
           forecast->limiting_positions_m + past, forecast->limiting_speeds_m_s + past,
           work + (ptrdiff_t)2 * preview.nodes);
   }
   if (forecast->trusted_s < NEAR_S) {
-    double columns[3][IPTM_EXTRAPOLATED_NODES];
-    iptm_motion measured;
-    measured.nodes = extrapolate(forecaster, memory, leader, columns[0], columns[1], columns[2]);
-    measured.times_s = columns[0];
-    measured.positions_m = columns[1];
-    measured.speeds_m_s = columns[2];
     stay_behind(&measured, leader, times, positions, speeds, nodes);
     if (forecast->has_limiting) {
       stay_behind(&measured, leader, times, forecast->limiting_positions_m + past,
