@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from studies.chain.platoons import CAR_LENGTH_M, HELD_OUT, PER_S
+from studies.glosa import drive_advised
 from studies.measured_cycles import longest_known, write_drive
 from studies.validation import excerpts
 
@@ -44,6 +46,7 @@ class ChainScene:
         gap_m: between both, shape (n,).
         farther_m_s: speed of the vehicle ahead of that, NaN where it is not measured, shape (n,).
         farther_gap_m: between the leader and that one, shape (n,).
+        stations: numbers of both vehicles ahead, shape (2, n).
     """
 
     name: str
@@ -52,6 +55,7 @@ class ChainScene:
     gap_m: FloatArray
     farther_m_s: FloatArray
     farther_gap_m: FloatArray
+    stations: NDArray[np.intp]
 
     @property
     def duration_s(self) -> float:
@@ -96,6 +100,7 @@ def scenes(place: int) -> list[ChainScene]:
             np.append(np.full(RUN_IN_S, gap[0]), gap),
             np.append(np.minimum(ramp, farther[0]), farther),
             np.append(np.full(RUN_IN_S, farther_gap[0]), farther_gap),
+            np.repeat([[0], [1]], RUN_IN_S + count, axis=1),
         )
     return list(found.values())
 
@@ -151,17 +156,22 @@ class ChainAhead:
             if self._farther:
                 gap_m, ahead_m_s = scene.farther_gap_m[second], scene.farther_m_s[second]
             ahead = leader.position_m + CAR_LENGTH_M + float(gap_m), float(ahead_m_s)
-            if self._messages is None:
+            if not np.isfinite(ahead).all():
+                pass
+            elif self._messages is None:
                 places.append(ahead)
-            elif np.isfinite(ahead).all():
-                self._hear(self._messages, time_ns, *ahead)
+            else:
+                station = STATION + int(scene.stations[int(self._farther), second])
+                self._hear(self._messages, time_ns, station, *ahead)
         own_m, own_m_s = state.position_m, state.speed_m_s
         tracks = (RangeTrack(place - own_m, 0.0, speed - own_m_s) for place, speed in places)
         self._sensor.take(time_ns, tuple(tracks))
         answer = self.bridge.answer(time_ns, own_m, own_m_s)
         return replace(measured, preview=answer.preview)
 
-    def _hear(self, messages: CamBridge, time_ns: int, ahead_m: float, ahead_m_s: float) -> None:
+    def _hear(
+        self, messages: CamBridge, time_ns: int, station: int, ahead_m: float, ahead_m_s: float
+    ) -> None:
         """Let the vehicle ahead send in the last second before a tick, as it drives at the tick."""
         for number in range(RATE_HZ):
             sent_ns = time_ns - self._delay_ns - (RATE_HZ - 1 - number) * NS_PER_S // RATE_HZ
@@ -170,7 +180,7 @@ class ChainAhead:
             before_s = (time_ns - sent_ns) / NS_PER_S
             message = car_on_road(
                 self._road,
-                STATION,
+                station,
                 sent_ns // 1_000_000,
                 ahead_m - ahead_m_s * before_s,
                 ahead_m_s,
@@ -180,13 +190,24 @@ class ChainAhead:
 
 
 def drive(
-    call: Mapping[str, Any], scene: ChainScene | None = None, **sources: Any
+    call: Mapping[str, Any],
+    scene: ChainScene | None = None,
+    *,
+    advised: bool = False,
+    **sources: Any,
 ) -> tuple[iptm.Run, dict[str, int]]:
     """Drive a trip, with a chain ahead if a scene is given; see `ChainAhead` for its sources.
+
+    Args:
+        call: arguments of `iptm.simulate`.
+        scene: leader and vehicles ahead of it.
+        advised: with the speed advice of `studies.glosa`.
 
     Returns:
         The run, and the ticks by what the preview was made of.
     """
+    if advised:
+        return drive_advised(call, keeps_lines=False), {}
     trip = iptm.Trip.of(**call)
     if scene is None and not sources:
         return iptm.drive(trip), {}

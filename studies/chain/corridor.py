@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 from studies.drives import DEFAULT, trip
-from studies.empty_road.run import LINES
+from studies.empty_road.run import ADVISED, LINES
 from studies.measured_cycles import write_drive
 from studies.savings import PRODUCTION
 
 import iptm
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.settings import VEHICLE_LENGTH_M, LeaderSource
+from iptm_core.units import KM_H_PER_M_S
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
@@ -65,10 +66,25 @@ def controls(
 
     gap_m = iptm.Trip.of(**call(DEFAULT)).parameters.gap.initial_gap_m
     rules = rules_ahead(cycle, gap_m)
+    lines = (line.partition(":") for line in LINES.split(", "))
+    ahead_m = gap_m + VEHICLE_LENGTH_M
+    own_road = {
+        "ego_keeps_rules": True,
+        "speed_limits_km_h": _as_text(rules.limits),
+        "signals": ", ".join(f"{float(at_m) + ahead_m:g}:{plan}" for at_m, _, plan in lines),
+    }
     return [
         (PRODUCTION, call(PRODUCTION, **blind), {}),
+        (PRODUCTION + ADVISED, call(PRODUCTION, **blind, **own_road), {"advised": True}),
         ("no preview", call(DEFAULT, **own, **blind), {}),
         ("perfect, 60 s", call(DEFAULT, **own), {}),
         ("signals", call(DEFAULT, **own), {"rules": replace(rules, limits=None)}),
         (BOTH_RULES, call(DEFAULT, **own), {"rules": rules}),
     ]
+
+
+def _as_text(limits: SpeedLimits | None) -> str:
+    if limits is None:
+        return ""
+    parts = zip(limits.starts_m, KM_H_PER_M_S * limits.limits_m_s, strict=True)
+    return ", ".join(f"{start_m:g}:{limit:g}" for start_m, limit in parts)

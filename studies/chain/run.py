@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -20,7 +20,8 @@ from studies.chain.closed_loop import (
 )
 from studies.chain.corridor import BOTH_RULES, CYCLES, careful_driver, controls
 from studies.chain.fit import fitted_law
-from studies.chain.forecasts import SHOWN_S, errors, of_equipped
+from studies.chain.forecasts import EQUIPPED, SHOWN_S, errors, of_equipped
+from studies.chain.in_traffic import CORRIDORS, LENGTH_S, traffic_scene
 from studies.chain.platoons import HELD_OUT, instants, joined
 from studies.chain.trials import SETTINGS, chain_trials
 from studies.collisions.family_trials import summary
@@ -54,13 +55,15 @@ SOURCES: Mapping[str, Mapping[str, Any]] = {
     FARTHER: {"source": FARTHER},
     "messages, 0.3 s late, 30 % lost": {"source": MESSAGES, "delay_s": 0.3, "loss": 0.3},
 }
-IN_25 = {MESSAGES: 5, FARTHER: 4, NONE: 16}
-"""Trips of 25 in which the nearest vehicle ahead of the leader that sends is this one, if a fifth of all
-vehicles sends, each independently; farther ones do not count."""
-A_FIFTH = "messages, 20 % of all vehicles send"
+TOGETHER = "second track, signals and limits"
+SHARED = ("energy", "energy_share", "ageing", "ageing_share", "below_s")
+BARS = {SECOND_TRACK: 40.0, BOTH_RULES: 40.0}
+EQUIPPED_BAR, EQUIPPED_SHARE = 50.0, 20.0
 TRIALS, SEED = 11, 57
 SHORT_ROWS, SHORT_S = 400, 60.0
 TIMED_TICKS = 2000
+_Control = tuple[str, Mapping[str, Any], Mapping[str, Any]]
+"""Name, arguments of `iptm.simulate`, and sources of what is shown of the leader."""
 
 
 def run(session: Session) -> bool:
@@ -84,13 +87,18 @@ def run(session: Session) -> bool:
         "no avoidable collision": not families.avoidable.sum(),
     }
     corridors = [] if short else behind_signals(session)
+    traffic = [] if short else in_traffic(session)
+    detailed = [row | {"road": "OpenACC"} for row in prices if row["headway"] == DETAILED]
+    shares = [] if short else of_senders([*detailed, *traffic])
     session.render(
         forecast=forecast,
         shown_s=SHOWN_S,
         equipped=equipped,
         prices=prices,
         corridors=corridors,
-        bars=bars(prices, corridors),
+        traffic=traffic,
+        shares=shares,
+        bars=bars(prices, corridors, traffic, shares),
         families=families.to_dict("records"),
         trials=len(trials),
         holds=holds,
@@ -137,62 +145,95 @@ def behind_signals(session: Session) -> list[dict[str, Any]]:
     rows = []
     for cycle in CYCLES:
         leads = careful_driver(session.scratch / "leads", cycle)
-        cases = controls(cycle, leads, AMBIENT_C, own)
-        calls = [{"call": call, **sources} for _, call, sources in cases]
-        driven = session.compute(drive, calls, [f"{cycle}, {name}" for name, *_ in cases])
-        table = pd.DataFrame(
-            {"control": name, "run": out[0]}
-            for (name, *_), out in zip(cases, driven, strict=True)
-            if out is not None
-        )
-        rows += [{"road": cycle, **row} for row in _rows(DETAILED, table)]
+        rows += _on_road(session, cycle, controls(cycle, leads, AMBIENT_C, own))
     return rows
 
 
-def bars(prices: list[dict[str, Any]], corridors: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def in_traffic(session: Session) -> list[dict[str, Any]]:
+    """Return the rows of two corridors in simulated traffic."""
+    rows = []
+    own: dict[str, Any] = {"overrides": HEADWAYS[DETAILED], "value_beyond_trip": True}
+    names = list(CORRIDORS)
+    found = session.compute(traffic_scene, [{"corridor": name} for name in names], names, 1)
+    for name, (scene, rules) in zip(names, filter(None, found), strict=True):
+        leads = scene.write(session.scratch / "leads")
+        given: dict[str, Any] = {"ambient_c": AMBIENT_C, "duration_s": LENGTH_S}
+        blind = trip(leads, DEFAULT, **given, **own, preview_mode="none")
+        ahead = trip(leads, DEFAULT, **given, **own)
+        cases: list[_Control] = [
+            (PRODUCTION, trip(leads, PRODUCTION, **given, preview_mode="none"), {}),
+            (NONE, blind, {}),
+            (PERFECT.format(PREVIEWS_S[0]), ahead, {}),
+            *((each, ahead, {"scene": scene, **SOURCES[each]}) for each in SOURCES),
+            (TOGETHER, ahead, {"scene": scene, "source": SECOND_TRACK, "rules": rules}),
+        ]
+        rows += _on_road(session, name, cases)
+    return rows
+
+
+def _on_road(session: Session, road: str, cases: Sequence[_Control]) -> list[dict[str, Any]]:
+    calls = [{"call": call, **sources} for _, call, sources in cases]
+    driven = session.compute(drive, calls, [f"{road}, {name}" for name, *_ in cases])
+    table = pd.DataFrame(
+        {"control": name, "run": out[0]}
+        for (name, *_), out in zip(cases, driven, strict=True)
+        if out is not None
+    )
+    return [{"road": road, **row} for row in _rows(DETAILED, table)]
+
+
+def of_senders(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row per road and share of vehicles that send, each of them independently.
+
+    The nearest vehicle ahead of the leader that sends counts, of two; without one there is no preview.
+    """
+    found = []
+    for road, share in product(dict.fromkeys(row["road"] for row in rows), EQUIPPED):
+        by_control = {row["control"]: row for row in rows if row["road"] == road}
+        parts = {MESSAGES: share, FARTHER: share * (1.0 - share), NONE: (1.0 - share) ** 2}
+        mean = {
+            key: sum(part * by_control[name][key] for name, part in parts.items()) for key in SHARED
+        }
+        found.append({"road": road, "share": 100.0 * share, **mean})
+    return found
+
+
+def bars(
+    prices: Sequence[Mapping[str, Any]],
+    corridors: Sequence[Mapping[str, Any]],
+    traffic: Sequence[Mapping[str, Any]],
+    shares: Sequence[Mapping[str, Any]],
+) -> list[dict[str, Any]]:
     """Return how much of the gap is closed, beside the bars for energy and ageing."""
-    asked = [
-        *((f"{headway}, {SECOND_TRACK}", 40.0, headway, SECOND_TRACK) for headway in HEADWAYS),
-        (f"{DETAILED}, {A_FIFTH}", 50.0, DETAILED, A_FIFTH),
+    rows: list[Mapping[str, Any]] = [
+        {**row, "road": f"OpenACC, {row['headway']}"} for row in prices
     ]
-    found = [
-        (what, share, row, prices)
-        for what, share, headway, control in asked
-        for row in prices
-        if (row["headway"], row["control"]) == (headway, control)
+    rows += [*corridors, *traffic]
+    asked = [(row, row["control"], BARS[row["control"]]) for row in rows if row["control"] in BARS]
+    asked += [
+        (row, f"messages, {row['share']:.0f} % send", EQUIPPED_BAR)
+        for row in shares
+        if row["share"] == EQUIPPED_SHARE
     ]
-    found += [
-        (f"{row['road']}, {BOTH_RULES}", 40.0, row, corridors)
-        for row in corridors
-        if row["control"] == BOTH_RULES
-    ]
-    scene = ("headway", "road")
+    below_s = {row["road"]: row["below_s"] for row in rows if row["control"] == PRODUCTION}
+    below_s["OpenACC"] = below_s.get(f"OpenACC, {DETAILED}", np.nan)
     return [
         {
-            "what": what,
+            "what": f"{row['road']}, {what}",
             "asked": f"{share:.0f} %",
             "energy": row["energy_share"],
             "ageing": row["ageing_share"],
             "reached": min(row["energy_share"], row["ageing_share"]) >= share,
             "below_s": row["below_s"],
-            "limited": row["limited"],
-            **{
-                role: next(
-                    other
-                    for other in rows
-                    if other["control"] == role
-                    and all(other.get(name) == row.get(name) for name in scene)
-                )
-                for role in (NONE, PRODUCTION)
-            },
+            "production_s": below_s[row["road"]],
         }
-        for what, share, row, rows in found
+        for row, what, share in asked
     ]
 
 
 def _controls(
     session: Session, scene: ChainScene, overrides: Mapping[str, float]
-) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
+) -> list[_Control]:
     cycle = scene.write(session.scratch / "leads")
     length_s = SHORT_S if session.short else scene.duration_s
     blind: dict[str, Any] = {"preview_mode": "none"}
@@ -215,24 +256,19 @@ def _controls(
 def _rows(headway: str, group: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a headway; savings are of all scenes together, each brought to one end."""
     by_control = {name: list(part.run) for name, part in group.groupby("control", sort=False)}
-    if all(name in by_control for name in IN_25):
-        by_control[A_FIFTH] = [
-            run for name, count in IN_25.items() for run in by_control[name] * count
-        ]
+    base = [run.metrics for run in by_control[PRODUCTION]]
     rows = []
     for name, runs in by_control.items():
         metrics = [run.metrics for run in runs]
         limited = [run.decisions.limiter_active for run in runs]
-        times = len(runs) // len(by_control[PRODUCTION])
-        base = by_control[PRODUCTION] * times
         rows.append(
             {
                 "headway": headway,
                 "control": name,
                 **road_taken([run.trajectory for run in runs]),
-                **saved(metrics, [run.metrics for run in base], runs[0].parameters),
-                **_per_trip(kept(metrics), times),
-                "interventions": sum(each.interventions for each in metrics) / times,
+                **saved(metrics, base, runs[0].parameters),
+                **kept(metrics),
+                "interventions": sum(each.interventions for each in metrics),
                 "limited": 100.0 * float(np.concatenate(limited).mean()),
                 "smallest_gap_m": min(float(run.trajectory.gap_m.min()) for run in runs),
             }
@@ -244,10 +280,6 @@ def _rows(headway: str, group: pd.DataFrame) -> list[dict[str, Any]]:
             gap = whole[kind] - none[kind]
             row[f"{kind}_share"] = 100.0 * (row[kind] - none[kind]) / gap if gap else np.nan
     return rows
-
-
-def _per_trip(margins: Mapping[str, float], times: int) -> dict[str, float]:
-    return {**margins, "below_s": margins["below_s"] / times}
 
 
 def tick_times_us() -> dict[str, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from studies.glosa import drive_advised
 from studies.savings import BASELINE, BASES, PRODUCTION
 from studies.session import Session, inputs_of
 
@@ -24,7 +25,17 @@ from iptm_core.trajectory import Trajectory
 from iptm_core.units import KM_H_PER_M_S
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
-STRATEGIES = (PRODUCTION, BASELINE, DEFAULT_STRATEGY, "reference", "reference_aging")
+ADVISED = ", advised"
+"""Behind the names of strategies that drive with the speed advice of `studies.glosa`."""
+STRATEGIES = (
+    PRODUCTION,
+    PRODUCTION + ADVISED,
+    BASELINE,
+    DEFAULT_STRATEGY,
+    DEFAULT_STRATEGY + ADVISED,
+    "reference",
+    "reference_aging",
+)
 LINES = ", ".join(f"{1000 * k}:80:{(31 * k) % 80}:35" for k in range(1, 12))
 """A stop line on every kilometre, green for 35 s of 80 s, with offsets that make no progression."""
 ROADS = {
@@ -61,14 +72,14 @@ def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str
     cycle, signals = ROADS[road]
     call: dict[str, Any] = {
         "cycle": cycle,
-        "strategy": strategy,
+        "strategy": strategy.removesuffix(ADVISED),
         "horizon": str(MULTI_HORIZON),
         "leader_source": LeaderSource.NONE,
         "speed_limits_km_h": OF_THE_CYCLE,
         "signals": signals,
         "duration_s": duration_s,
     }
-    run = iptm.simulate(**call)
+    run = drive_advised(call) if strategy.endswith(ADVISED) else iptm.simulate(**call)
     inputs = inputs_of(call)
     trip, rules = run.trajectory, given_rules(inputs.rules, inputs.route)
     if rules.limits is None:

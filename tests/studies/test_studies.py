@@ -40,7 +40,7 @@ MORE = {
     # Trials over ROS 2 are read as messages.
     "trial.py": {"iptm_ros"},
     "traffic": {"iptm_traffic"},
-    "chain": {"iptm_its"},
+    "chain": {"iptm_its", "iptm_traffic"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "validation/drivers.py": {"iptm_drives"},

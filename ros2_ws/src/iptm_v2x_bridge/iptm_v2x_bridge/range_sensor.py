@@ -88,7 +88,9 @@ class RangeSensorBridge:
         self, time_ns: int, ego_position_m: float, ego_speed_m_s: float
     ) -> list[LeaderState]:
         """Return the vehicles ahead in the own lane, the nearest first; none of a silent sensor."""
-        nearest_ns = min(self._measured, key=lambda ns: abs(time_ns - ns), default=None)
+        nearest_ns: int | None = time_ns
+        if time_ns not in self._measured:
+            nearest_ns = min(self._measured, key=lambda ns: abs(time_ns - ns), default=None)
         if nearest_ns is None or abs(time_ns - nearest_ns) > LONGEST_AGE_NS:
             return []
         ahead = sorted(

@@ -20,13 +20,15 @@ from iptm_core.state import FloatArray
 
 PAST_S = 10
 """Seconds of the past that count."""
-LAGS_S = (1, 2, 3, 5)
+LAGS_S = np.array([1, 2, 3, 5])
 STANDSTILL_GAP_M = 2.0
 USUAL_TIME_GAP_S, USUAL_WEIGHT_M2_S2 = 1.5, 200.0
 """Expected before any measurement, with the weight of two seconds at 10 m/s."""
 TIME_GAPS_S = (0.5, 4.0)
 STEADY_M_S = 0.5
 """Relative speed at which a measured gap counts half in the identified time gap."""
+LAW_FEATURES = 25
+_OF_SPREAD = np.array([0, 2, 1, 4, 8, 17, 21])
 LARGEST_ERROR_M, LARGEST_RELATIVE_M_S = 15.0, 8.0
 """Farther from its gap a follower does not respond more: it drives freely."""
 
@@ -61,27 +63,23 @@ def time_gap_s(past: Past) -> FloatArray:
 def following_features(past: Past) -> tuple[FloatArray, FloatArray]:
     """Return what the change of speed is linear in, and what its spread is, shape (n, ...) each."""
     v, u, gap_s = past.speed_m_s[:, 0], past.ahead_m_s[:, 0], time_gap_s(past)
-    own = v[:, None] - past.speed_m_s[:, LAGS_S]
-    ahead = u[:, None] - past.ahead_m_s[:, LAGS_S]
+    own = v[:, None] - past.speed_m_s.take(LAGS_S, axis=1)
+    ahead = u[:, None] - past.ahead_m_s.take(LAGS_S, axis=1)
     relative = np.minimum(np.maximum(u - v, -LARGEST_RELATIVE_M_S), LARGEST_RELATIVE_M_S)
     error = past.gap_m[:, 0] - STANDSTILL_GAP_M - gap_s * v
     error = np.minimum(np.maximum(error, -LARGEST_ERROR_M), LARGEST_ERROR_M)
-    one = np.ones_like(v)
-    law = [one, v, np.minimum(v, 5.0), np.minimum(v, 12.0), *own.T, *ahead.T]
-    law += [np.minimum(own[:, 0], 0.0), own[:, 0] * v / 15.0]
-    law += [np.minimum(ahead[:, 0], 0.0), ahead[:, 0] * u / 15.0, ahead[:, 0] / gap_s]
-    law += [relative, np.minimum(relative, 0.0), relative * v / 15.0, relative / gap_s]
-    law += [error, np.minimum(error, 0.0), error * np.minimum(v, 10.0) / 10.0, error / gap_s]
-    spread = [
-        one,
-        np.minimum(v, 5.0),
-        v,
-        abs(own[:, 0]),
-        abs(ahead[:, 0]),
-        abs(relative),
-        abs(error),
-    ]
-    return np.array(law).T, np.array(spread).T
+    law: FloatArray = np.empty((v.size, LAW_FEATURES))
+    law[:, 0], law[:, 1] = 1.0, v
+    law[:, 2], law[:, 3] = np.minimum(v, 5.0), np.minimum(v, 12.0)
+    law[:, 4:8], law[:, 8:12] = own, ahead
+    law[:, 12], law[:, 13] = np.minimum(own[:, 0], 0.0), own[:, 0] * v / 15.0
+    law[:, 14], law[:, 15] = np.minimum(ahead[:, 0], 0.0), ahead[:, 0] * u / 15.0
+    law[:, 16] = ahead[:, 0] / gap_s
+    law[:, 17], law[:, 18] = relative, np.minimum(relative, 0.0)
+    law[:, 19], law[:, 20] = relative * v / 15.0, relative / gap_s
+    law[:, 21], law[:, 22] = error, np.minimum(error, 0.0)
+    law[:, 23], law[:, 24] = error * np.minimum(v, 10.0) / 10.0, error / gap_s
+    return law, np.abs(law.take(_OF_SPREAD, axis=1))
 
 
 class FollowingMotion(NamedTuple):
@@ -123,7 +121,8 @@ class FollowingLaw:
         features, of_spread = following_features(past)
         v = past.speed_m_s[:, :1]
         speeds = np.concatenate([v, np.maximum(v + features @ self.law, 0.0)], axis=1)
-        widths = np.diff(self.leads_s, prepend=0.0)
+        widths = self.leads_s.copy()
+        widths[1:] -= self.leads_s[:-1]
         driven = np.zeros_like(speeds)
         np.cumsum(0.5 * (speeds[:, 1:] + speeds[:, :-1]) * widths, axis=1, out=driven[:, 1:])
         spread = np.zeros_like(speeds)

@@ -198,7 +198,8 @@ class ChainBridge:
             self._leader.forget()
             self._chain = ()
         else:
-            leader = replace(leader, position_m=leader.position_m + answer.leader_bound_m)
+            if answer.leader_bound_m:
+                leader = replace(leader, position_m=leader.position_m + answer.leader_bound_m)
             self._leader.add(now_s, leader.position_m, leader.speed_m_s)
             self._chain = self._ahead(leader, now_s, ego_position_m, ego_speed_m_s)
             if self._may_complete(answer):
@@ -352,8 +353,10 @@ class ChainBridge:
         time_ns = round(now_s * NS_PER_S)
         times = preview_times_s(self._settings, time_ns)
         free = None if followed is None else _at(followed, times)
+        if self._rules is None:
+            return free
         track = LeaderTrack(self._leader.recent)
-        if self._rules is None or not _binds(self._rules[0], track.last):
+        if not _binds(self._rules[0], track.last):
             return free
         inner = _Fixed(followed)
         its_s = 0.0 if self._messages is None else self._messages.start_timestamp_ms / 1000.0
