@@ -13,6 +13,7 @@ def test_nothing_that_a_crowd_sends_is_lost() -> None:
     assert "overflow" not in numbers["refused"]
 
 
+@pytest.mark.slow  # in real time beside whatever else runs
 def test_a_flood_of_maps_costs_no_message_of_a_car() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
     numbers = measure(cars=20, seconds=4, maps_per_s=1000)
