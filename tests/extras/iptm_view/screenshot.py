@@ -53,8 +53,8 @@ class Picture:
 
 
 DOCUMENTED = {
-    "live_view.png": Picture(at_s=1500.0),
-    "live_view_tablet.png": Picture(820, 1180, at_s=1200.0),
+    "live_view.png": Picture(),
+    "live_view_tablet.png": Picture(820, 1180),
     "live_view_phone.png": Picture(390, 844, is_dark=True),
 }
 """Pictures of the documentation by file name."""
