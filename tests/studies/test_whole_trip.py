@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pandas as pd
 import pytest
-from studies.currency.bound import costs
+from studies.currency.run import WHOLE, costs
 from studies.whole_trip import drive_whole_trip
 
-from iptm.driving import drive_in_memory
+from iptm.driving import drive_in_memory, simulate
 from iptm.run import Run
 from iptm.trip import Trip
 from iptm_core.errors import IptmError
@@ -76,9 +79,29 @@ def test_a_whole_trip_is_one_problem() -> None:
 
 
 def test_in_one_currency_nothing_costs_less_than_the_optimum_of_the_whole_trip() -> None:
-    call = {"cycle": "us06", "duration_s": 60.0, "overrides": {"gap.desired_time_headway_s": 1.7}}
+    call: dict[str, Any] = {"cycle": "us06", "duration_s": 60.0}
+    call["overrides"] = {"gap.desired_time_headway_s": 1.7}
     priced = {**call, "strategy": "prices", "value_beyond_trip": True}
-    unseen = {**priced, "preview_mode": "none"}
-    found = costs("us06", {**call, "strategy": "production"}, priced, unseen)
-    assert found["whole"] < found["prices"] < min(found["production"], found["none"])
-    assert 0.0 < found["none_reached"] < found["prices_reached"] < 100.0
+    runs = {
+        ("production", False): simulate(**call, strategy="production"),
+        ("prices", False): simulate(**priced, preview_mode="none"),
+        ("prices", True): simulate(**priced),
+        (WHOLE, True): drive_whole_trip(Trip.of(**priced))[0],
+    }
+    trips = pd.DataFrame(
+        {
+            "car": "any",
+            "ambient_c": 35.0,
+            "cycle": "us06",
+            "role": role,
+            "perfect": perfect,
+            "run": run,
+        }
+        for (role, perfect), run in runs.items()
+    )
+    found = {(row["role"], row["preview"]): row for row in costs(trips)}
+    eur, share = ([row[name] for row in found.values()] for name in ("eur", "share"))
+    production, unseen, seen, whole = eur
+    assert whole < seen < min(production, unseen)
+    assert share[0] == 0.0
+    assert 0.0 < share[1] < share[2] < 100.0 == share[3]
