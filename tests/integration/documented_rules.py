@@ -88,6 +88,7 @@ RULES = (
     ),
     Rule(Way.ELSEWHERE, r"colcon test|source ros2_ws/install.*", "tests/packaging/test_colcon.py"),
     Rule(Way.ELSEWHERE, r"(IPTM_\w+=\S+ )?scripts/setup.*", "tests/packaging/test_setup.py"),
+    Rule(Way.ELSEWHERE, r".*python -m pythonfmu build .*", "tests/studies/test_benchmark_kinds.py"),
     Rule(
         Way.ELSEWHERE,
         r"python docs/examples/commute.py .*|scripts/iptm drive show my_commute.csv",
