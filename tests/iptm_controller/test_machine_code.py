@@ -182,13 +182,15 @@ def test_other_cars_share_one_library_and_keep_their_numbers(
 ) -> None:
     """Solved in turn; compared with the method in Python, whose numbers are part of its functions."""
     data, guess = problem_of(SCENES["cruise"], "2x3")
+    of_a_tick = {*cache.glob("*.so")}
+    compilations.clear()
     cars = [
         OptimalControlProblem(Horizon.parse("2x3"), load_parameters(overrides=changes).values)
         for changes in ({}, {"body.mass_kg": 1850.0}, {"body.drag_coefficient": 0.27})
     ]
     compiled = [RiccatiBackend(car, SolverOptions()) for car in cars]
     expected = [InterpretedRiccati(car, SolverOptions()).solve(data, guess) for car in cars]
-    assert len(list(cache.glob("*.so"))) == 1
+    assert len({*cache.glob("*.so")} - of_a_tick) == 1
     assert sum("-c" not in command for command in compilations) == 1
     for _ in range(2):
         for solver, other in zip(compiled, expected, strict=True):
