@@ -1,4 +1,4 @@
-"""What sweeps and first trips cost: runs with other masses, workers, and the compiler on an empty cache.
+"""What sweeps and first trips cost: runs with other cars, workers, and the compiler on an empty cache.
 
 python -m studies.speed.sweeps
 """
@@ -19,31 +19,38 @@ from studies.speed.harness import machine_in_words, run_benchmark
 import iptm
 
 FIRST_TRIP = "import iptm; iptm.simulate('us06', duration_s=10.0)"
+SWEPT = {
+    "body.mass_kg": (1200.0, 2400.0),
+    "body.drag_coefficient": (0.2, 0.4),
+    "cell.nominal_resistance_ohm": (0.002, 0.006),
+    "gap.max_gap_m": (90.0, 190.0),
+}
+"""Ranges of the parameters that are swept."""
 
 
 def sweeps(runs: int = 200, duration_s: float = 60.0, turns: int = 3) -> dict[str, Any]:
-    """Time sweeps over the mass of the vehicle, and first trips.
+    """Time sweeps over parameters of the vehicle, and first trips.
 
     Args:
-        runs: masses of a sweep in this process.
+        runs: values of a parameter in a sweep in this process.
         duration_s: length of a run.
         turns: repetitions of first trips, and of sweeps with one and with two workers in turn.
     """
     iptm.simulate("us06", duration_s=duration_s)
-    masses_kg = np.linspace(1200.0, 2400.0, runs)
-    resident, began_s = [_resident_mb()], time.process_time()
-    for some in np.array_split(masses_kg, 4):
-        iptm.sweep(cycle="us06", duration_s=duration_s, overrides={"body.mass_kg": some})
+    resident, run_s = [_resident_mb()], {}
+    for key, ends in SWEPT.items():
+        began_s = time.process_time()
+        iptm.sweep(cycle="us06", duration_s=duration_s, overrides={key: np.linspace(*ends, runs)})
+        run_s[key] = (time.process_time() - began_s) / runs
         resident.append(_resident_mb())
-    run_s = (time.process_time() - began_s) / runs
     walls_s = {
         workers: min(_sweep_s(workers, duration_s, turn) for turn in range(turns))
         for workers in (1, 2)
     }
     return {
         "machine": machine_in_words(),
-        "processor time of a run with another mass, s": run_s,
-        "resident memory at the start and after each quarter, MB": resident,
+        "processor time of a run with another value, s": run_s,
+        "resident memory at the start and after each sweep, MB": resident,
         "two workers against one, ratio of the shortest wall times": walls_s[1] / walls_s[2],
         "first trip on an empty cache, wall s": [_first_trip_s() for _ in range(turns)],
     }

@@ -19,6 +19,7 @@ from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.problem import Bounds, OptimalControlProblem, stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.ops import named_function
 
 Entries = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -171,7 +172,9 @@ def transcribe(problem: OptimalControlProblem) -> Transcription:
     grid = problem.grid
     stages = tuple(
         differentiate_stage(stage, f"stage_{index}")
-        for index, stage in enumerate(problem.stage_expressions())
+        for index, stage in enumerate(
+            problem.stage_expressions(SymbolicModel.literal(problem.model))
+        )
     )
     w = ca.MX.sym("x", grid.variable_count)
     p = ca.MX.sym("p", grid.parameter_count)

@@ -38,13 +38,13 @@ from iptm_controller.tick_library import tick_library
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.power_thermal import (
     CellPair,
     PowerThermalRates,
     Smoothing,
     power_thermal_rates,
 )
-from iptm_core.physics.powertrain import MassLoad
 from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
@@ -193,7 +193,7 @@ def transcription_of(horizon: str) -> Transcription:
 def _stage_function(
     step_s: float, samples: int, smoothing: Smoothing, model: ModelParameters
 ) -> ca.Function:
-    stage = build_stage(step_s, samples, model, smoothing)
+    stage = build_stage(step_s, samples, SymbolicModel.literal(model), smoothing)
     inputs = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
     return ca.Function("stage", inputs, [stage.next_state, stage.cost, stage.limits])
 
@@ -241,7 +241,7 @@ def run_stage(
         step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
     shared = [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j]
-    shared += [charge_w, headway_price_1_m2_s, *MassLoad.of(model.body), *weights]
+    shared += [charge_w, headway_price_1_m2_s, *weights]
     shared += [0.0] * (len(COST_TERMS) - len(weights))
     following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,

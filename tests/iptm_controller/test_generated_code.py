@@ -1,4 +1,4 @@
-"""Generated C: steps in vector registers and numbers in an array, with the bits of the scalar code."""
+"""Generated C: steps in vector registers with the bits of the scalar code, and numbers as data."""
 
 from __future__ import annotations
 
@@ -13,24 +13,21 @@ from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp import layout, stages
 from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.stage_code import LANES, NUMBERS, StageMap, stage_sources
-from iptm_controller.solvers.riccati.stage_system import (
-    StageSparsity,
-    StageSystem,
-    common_sparsity,
-)
+from iptm_controller.ocp.stage import StageExpressions
+from iptm_controller.ocp.stage_code import LANES, TABLE, StageMap, stage_sources
+from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
 from iptm_core.compilation import compile_sources
 from iptm_core.compiler import COMPILER_FLAGS, compiler_flags
 from iptm_core.parameters import load_parameters
+from iptm_core.physics.model_numbers import NUMBERS, SymbolicModel, split_off
 from iptm_core.physics.ops import named_function
-from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import FloatArray
 
 ALL_KINDS = "3x1+5x5+10x30t"
-SETTER = f"void use_numbers(const double *given) {{ {NUMBERS} = given; }}\n"
+SETTER = f"void use_numbers(const double *given) {{ {TABLE} = given; }}\n"
+NO_NUMBERS = np.empty(0)
 AWKWARD = np.array([0.0, np.inf, -np.inf, np.nan, 1.0, 5e-324])
 """No zeros of both signs: C leaves open which of them is the larger or the smaller one."""
 
@@ -40,20 +37,17 @@ pytestmark = pytest.mark.usefixtures("cache")
 class Mapped:
     """A function of one step in C, evaluated for several steps at packed places."""
 
-    def __init__(self, function: ca.Function, lanes: int) -> None:
+    def __init__(self, function: ca.Function, lanes: int, numbers: FloatArray = NO_NUMBERS) -> None:
         self.function = function
         strides = {name: function.numel_in(name) for name in function.name_in()}
-        files, numbers = stage_sources([[StageMap(function, strides)]], [], lanes=lanes)
-        sizes = '#include "layout.h"\n'
-        if numbers:
-            sizes += "#define IPTM_NUMBERS\n"
-            files = (*files, f"const double *{NUMBERS};\n{SETTER}")
+        files = stage_sources([[StageMap(function, strides)]], [], lanes=lanes)
+        sizes = '#include "layout.h"\n#define IPTM_NUMBERS_GIVEN\n'
+        files = (*files, f"const double *{TABLE};\n{SETTER}")
         sources = {f"stages_{place}.c": text for place, text in enumerate(files)}
         sources |= {**C_SOURCES.read("stages.h", "real.h"), "layout.h": layout_header()}
         library = ctypes.PyDLL(str(compile_sources({**sources, "stage_sizes.h": sizes})))
-        self._numbers = np.array(numbers)
-        if numbers:
-            library.use_numbers(ctypes.c_void_p(self._numbers.ctypes.data))
+        self._numbers = numbers
+        library.use_numbers(ctypes.c_void_p(self._numbers.ctypes.data))
         self._call = library[function.name()]
 
     def __call__(self, arguments: list[FloatArray], count: int) -> list[FloatArray]:
@@ -68,15 +62,15 @@ class Mapped:
         return results
 
 
-def assert_lanes_are_scalar(function: ca.Function, counts: Iterable[int], seed: int) -> None:
+def assert_lanes_are_scalar(
+    function: ca.Function, counts: Iterable[int], seed: int, numbers: FloatArray = NO_NUMBERS
+) -> None:
     rng = np.random.default_rng(seed)
-    vector, scalar = Mapped(function, LANES), Mapped(function, 1)
+    vector, scalar = Mapped(function, LANES, numbers), Mapped(function, 1, numbers)
+    names = [name for name in function.name_in() if name != NUMBERS]
     for count in counts:
         for share in (0.0, 0.001, 0.01, 0.2, 0.9):
-            arguments = [
-                rng.uniform(0.1, 2.0, function.numel_in(place) * count)
-                for place in range(function.n_in())
-            ]
+            arguments = [rng.uniform(0.1, 2.0, function.numel_in(name) * count) for name in names]
             make_awkward(arguments, rng, share)
             for one, other in zip(vector(arguments, count), scalar(arguments, count), strict=True):
                 assert_same(one, other)
@@ -97,11 +91,10 @@ def make_awkward(arguments: list[FloatArray], rng: np.random.Generator, share: f
 
 def test_every_stage_kind_gives_the_bits_of_the_scalar_code() -> None:
     problem = OptimalControlProblem(Horizon.parse(ALL_KINDS), PARAMETERS)
-    systems = [StageSystem(stage, problem.model) for stage in problem.stage_expressions()]
-    sparsity = common_sparsity(systems)
-    for system in systems:
-        for function in _functions(system, sparsity):
-            assert_lanes_are_scalar(function, (3, 5, 10), seed=5)
+    split = split_off(_functions(problem.stage_expressions()))
+    for function in split.functions:
+        numbers = split.prepare(problem.numbers)
+        assert_lanes_are_scalar(function, (3, 5, 10), seed=5, numbers=numbers)
 
 
 def test_every_operation_and_number_of_points() -> None:
@@ -148,35 +141,52 @@ def test_an_older_processor_computes_the_same(
     assert_same(newest[0], Mapped(function, LANES)(arguments, 7)[0])
 
 
-@pytest.mark.parametrize("name", ["paper_calibrated", "bmw_i3"])
-@pytest.mark.parametrize("mass_kg", [921.3, 1850.0, 40e3 / 3.0])
-def test_a_mass_in_the_data_gives_the_bits_of_one_in_the_code(
-    name: str, mass_kg: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    model = load_parameters(name, {"body.mass_kg": mass_kg}).values
+@pytest.mark.parametrize(
+    ("name", "others"),
+    [
+        ("paper_calibrated", {}),
+        ("paper_identified", {"aging.charging_rate_factor": -1.0}),
+        ("bmw_i3", {"gap.desired_time_headway_s": 1.5, "limits.max_heater_power_w": 3000.0}),
+        ("bmw_i3", {"cooling.radiator_w_k": 80.0, "chiller.xi_2_1_w": 1e-4}),
+    ],
+)
+def test_numbers_in_the_data_give_what_literals_give(name: str, others: dict[str, float]) -> None:
+    """Part by part: data, split off or not, to the last bit; literals, which are combined, to rounding."""
+    model = load_parameters(name, others).values
     problem = OptimalControlProblem(Horizon.parse(ALL_KINDS), model)
-    in_data = problem.without_load.stage_expressions()
-    load = MassLoad.of(model.body)
-    monkeypatch.setattr(stages, "MassLoad", lambda *_: load)
-    in_code = problem.stage_expressions()
+    data = _functions(problem.stage_expressions())
+    split = split_off(data)
+    literal = _functions(problem.stage_expressions(SymbolicModel.literal(model)))
+    table = split.prepare(problem.numbers)
     rng = np.random.default_rng(7)
-    both_forms = [[StageSystem(stage, model) for stage in form] for form in (in_data, in_code)]
-    sparsity = common_sparsity(both_forms[0])
-    assert sparsity == common_sparsity(both_forms[1])
-    for systems in zip(*both_forms, strict=True):
-        for own, expected in zip(*(_functions(each, sparsity) for each in systems), strict=True):
-            for _ in range(20):
-                arguments = [rng.uniform(0.1, 2.0, own.size_in(i)) for i in range(own.n_in())]
-                arguments[own.index_in("g")][layout.MASS_LOAD, 0] = load
-                results = (function.call(arguments) for function in (own, expected))
-                for one, other in zip(*results, strict=True):
-                    assert_same(np.array(one), np.array(other))
+    for own, taken, expected in zip(data, split.functions, literal, strict=True):
+        for _ in range(20):
+            given = {name: rng.uniform(0.1, 0.9, own.size_in(name)) for name in own.name_in()}
+            found, again, known = (
+                {key: np.array(value) for key, value in function(**given | numbers).items()}
+                for function, numbers in (
+                    (own, {NUMBERS: problem.numbers}),
+                    (taken, {NUMBERS: table}),
+                    (expected, {NUMBERS: NO_NUMBERS}),
+                )
+            )
+            for key, value in found.items():
+                assert_same(value, again[key])
+                assert np.isfinite(value).all()
+                scale = np.abs(known[key]).max(initial=1.0)
+                np.testing.assert_allclose(value, known[key], rtol=1e-9, atol=1e-11 * scale)
 
 
-def _functions(system: StageSystem, sparsity: StageSparsity) -> list[ca.Function]:
-    written = (
-        system.evaluate("evaluate"),
-        system.least_soft_slacks("slacks"),
-        system.follow("follow"),
-    )
-    return [system.linearise(sparsity, "linearise"), *written]
+def _functions(stages: list[StageExpressions]) -> list[ca.Function]:
+    systems = [StageSystem(stage) for stage in stages]
+    sparsity = common_sparsity(systems)
+    return [
+        function
+        for place, system in enumerate(systems)
+        for function in (
+            system.linearise(sparsity, f"linearise_{place}"),
+            system.evaluate(f"evaluate_{place}"),
+            system.least_soft_slacks(f"slacks_{place}"),
+            system.follow(f"follow_{place}"),
+        )
+    ]

@@ -35,6 +35,16 @@ from iptm_core.parameters import load_parameters
 GRIDS = ("3x1+5x5", "7x1", "2x1+1x5+4x30t")
 
 
+OTHER_CAR = {
+    "body.drag_coefficient": 0.27,
+    "cell.nominal_resistance_ohm": 0.0032,
+    "gap.max_gap_m": 110.0,
+    "limits.max_compressor_power_w": 2500.0,
+    "pack.cells_per_channel": 11,
+    "powertrain.wheel_radius_m": 0.33,
+}
+
+
 @lru_cache
 def in_c(grid: str) -> RiccatiBackend:
     return RiccatiBackend(OptimalControlProblem(Horizon.parse(grid), PARAMETERS), SolverOptions())
@@ -180,13 +190,13 @@ def test_nothing_is_allocated(cache: Path) -> None:
 def test_other_cars_share_one_library_and_keep_their_numbers(
     cache: Path, compilations: list[list[str]]
 ) -> None:
-    """Solved in turn; compared with the method in Python, whose numbers are part of its functions."""
+    """Solved in turn; compared with the method in Python."""
     data, guess = problem_of(SCENES["cruise"], "2x3")
     of_a_tick = {*cache.glob("*.so")}
     compilations.clear()
     cars = [
         OptimalControlProblem(Horizon.parse("2x3"), load_parameters(overrides=changes).values)
-        for changes in ({}, {"body.mass_kg": 1850.0}, {"body.drag_coefficient": 0.27})
+        for changes in ({}, {"body.mass_kg": 1850.0}, OTHER_CAR)
     ]
     compiled = [RiccatiBackend(car, SolverOptions()) for car in cars]
     expected = [InterpretedRiccati(car, SolverOptions()).solve(data, guess) for car in cars]

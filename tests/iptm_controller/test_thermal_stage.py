@@ -22,6 +22,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import Rung
 from iptm_core.physics.cell import capacity_loss_rate_1_s
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.power_thermal import (
     CellPair,
     electric_traction_power_w,
@@ -38,7 +39,7 @@ def run_step(
     step_s: float, cells_k: tuple[float, float], power_w: float, traction_w: FloatArray
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return cell temperatures at the end of a thermal step, its aging cost, and its rows."""
-    stage = build_thermal_stage(step_s, POWER_LEVELS, PARAMETERS)
+    stage = build_thermal_stage(step_s, POWER_LEVELS, SymbolicModel.literal(PARAMETERS))
     function = ca.Function(
         "step",
         [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters],

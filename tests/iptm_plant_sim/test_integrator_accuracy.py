@@ -10,13 +10,21 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.model_numbers import SymbolicModel, numbers_of, shape_of
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.routes import Route, build_route
 from iptm_core.state import Command, FloatArray, VehicleState
 from iptm_plant_sim import integrator
 from iptm_plant_sim.actuators import Motion, plan_motion
 from iptm_plant_sim.integrator import IntervalIntegrator
-from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, PlantStep, sub_step
+from iptm_plant_sim.interval import (
+    AT_END,
+    INTEGRALS,
+    STATES,
+    PlantStep,
+    PowerBounds,
+    sub_step,
+)
 from iptm_plant_sim.plant import Plant
 
 REFERENCE_STEP_S = 0.1 / 16.0
@@ -143,43 +151,52 @@ def test_undeliverable_power_is_seen_in_the_result(parameters: ModelParameters) 
 
 
 def interpreted(
-    functions: Sequence[ca.Function], held: FloatArray, start: FloatArray, motion: Motion
+    functions: Sequence[ca.Function],
+    numbers: FloatArray,
+    held: FloatArray,
+    start: FloatArray,
+    motion: Motion,
 ) -> FloatArray:
     """Return what ``iptm_integrate`` finds on a level road, by the functions themselves."""
     step, end = functions
     values, slopes_rad = ca.DM(start), ca.DM.zeros(3)
     for i, speeds_m_s in enumerate(motion.speeds_m_s):
         moves = motion.accelerations_m_s2[i], held, motion.lengths_s[i], slopes_rad, speeds_m_s
-        values = step(values, *moves)
-    last = motion.accelerations_m_s2[-1], held, 0.0, motion.speeds_m_s[-1, -1]
+        values = step(values, *moves, numbers)
+    last = motion.accelerations_m_s2[-1], held, 0.0, motion.speeds_m_s[-1, -1], numbers
     return np.concatenate([np.array(each).ravel() for each in (values, end(values, *last))])
 
 
 @pytest.mark.parametrize("name", ["paper_identified", "bmw_i3"])
 def test_intervals_in_c_are_those_of_the_functions(name: str, cache: Path) -> None:
-    """To the last bit, and another mass needs no other library."""
-    integrator._code.cache_clear()
-    integrator._library.cache_clear()
-    parameters = load_parameters(name).values
-    bounded = parameters.pack_limits.limited
+    """To the last bit, and another car needs no other library."""
+    integrator._program.cache_clear()
+    usual = load_parameters(name).values
+    bounded = usual.pack_limits.limited
     random = np.random.default_rng(3)
-    for mass_kg in (parameters.body.mass_kg, 1999.5):
-        values = replace(parameters, body=replace(parameters.body, mass_kg=mass_kg))
-        functions = sub_step(values, bounded=bounded)
-        held, found = (
-            np.zeros(4 if bounded else 2),
-            np.zeros(len(STATES) + len(INTEGRALS) + len(AT_END)),
-        )
-        integrate = integrator._code(values, bounded=bounded).on(held, found)
+    others = {"body.mass_kg": 1999.5, "cell.nominal_resistance_ohm": 0.0037, "pack.parallel": 7}
+    for parameters in (usual, load_parameters(name, others).values):
+        shape = shape_of(parameters)
+        assert shape == shape_of(usual)
+        numbers = numbers_of(parameters, shape)
+        functions = sub_step(SymbolicModel.of(shape), bounded=bounded)
+        compiled = IntervalIntegrator(parameters, bounded=bounded)
         for _ in range(20):
-            held[:] = [random.uniform(0.0, 2e3), random.uniform(0.2, 0.9), 1e5, 1e5][: held.size]
+            held = [random.uniform(0.0, 2e3), random.uniform(0.2, 0.9)]
+            bounds = PowerBounds(1e5, 1e5) if bounded else None
             start = np.concatenate([random.uniform(290.0, 310.0, 2), np.zeros(8)])
-            found[: start.size] = start
             motion = plan_motion(
                 0.0, random.uniform(0.0, 30.0), random.uniform(-3.0, 2.0), 60.0, 1.0, 4
             )
-            integrate(motion, np.zeros(2 * motion.lengths_s.size + 1))
+            level = np.zeros(2 * motion.lengths_s.size + 1)
+            found = compiled.integrate(
+                CellPair(*start[:4]), held[0], motion, level, held[1], bounds
+            )
+            given = np.array([*held, *(vars(bounds).values() if bounds else ())])
+            expected = interpreted(functions, numbers, given, start, motion)
             assert np.array_equal(
-                found, interpreted(functions, held, start, motion), equal_nan=True
+                [getattr(found, each) for each in (*STATES, *INTEGRALS, *AT_END)],
+                expected,
+                equal_nan=True,
             )
     assert len(list(cache.glob("*.so"))) == 1

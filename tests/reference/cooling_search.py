@@ -105,11 +105,13 @@ def _followed(problem: OptimalControlProblem, plans: int) -> list[ca.Function]:
     """Return a function of ``x, u, p, g, powers`` for each stage: next state and cost of a step, by plan."""
     functions = []
     for index, stage in enumerate(problem.stage_expressions()):
-        follow = StageSystem(stage, problem.model).follow(f"one_followed_{index}")
+        follow = StageSystem(stage).follow(f"one_followed_{index}")
         given = {name: follow.mx_in(name) for name in ("x", "u", "p", "g")}
         given["x"] = ca.MX.sym("x", layout.STATES, plans)
         powers = ca.MX.sym("powers", 1, plans)
-        found = follow.map(plans)(**given, power=powers)
+        found = follow.map(plans)(
+            **given, power=powers, numbers=ca.repmat(ca.DM(problem.numbers), 1, plans)
+        )
         results = {name: found[name] for name in ("next_state", "cost")}
         functions.append(named_function(f"followed_{index}", {**given, "powers": powers}, results))
     return functions

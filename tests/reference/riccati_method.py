@@ -249,7 +249,7 @@ class InterpretedRiccati:
 
     def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
         self.options = options
-        starting_point, search_direction, trial_point = build_program(problem.without_load)
+        starting_point, search_direction, trial_point = build_program(problem)
         # Iterate and step exist once, in the memory of the last function.
         last = BufferedFunction(trial_point)
         iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}

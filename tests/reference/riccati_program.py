@@ -48,7 +48,7 @@ class _Builder:
         self._penalties = problem.penalties
         self._grid = problem.grid
         self._steps = self._grid.steps
-        self._systems = [StageSystem(stage, problem.model) for stage in problem.stage_expressions()]
+        self._systems = [StageSystem(stage) for stage in problem.stage_expressions()]
         self._sparsity = common_sparsity(self._systems)
         # Built once: whatever calls them then shares their code.
         self._evaluations = [
@@ -63,6 +63,7 @@ class _Builder:
         }
         self._iterate = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
         self._p = ca.MX.sym("p", self._grid.parameter_count)
+        self._numbers = ca.MX(ca.DM(problem.numbers))
 
     def starting_point(self) -> ca.Function:
         """Return the first iterate: z from the barrier, soft slacks as their penalties would have them."""
@@ -244,6 +245,7 @@ class _Builder:
                 x_next=following[:, kind.steps],
                 p=p,
                 g=shared,
+                numbers=ca.repmat(self._numbers, 1, kind.count),
                 **{name: matrix[:, kind.steps] for name, matrix in extra.items()},
             )
             for function, kind, (x, u, p, shared) in zip(

@@ -204,6 +204,7 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
     for index, stage in enumerate(problem.stage_expressions()):
         costate = ca.SX.sym("costate", layout.STATES)
         symbols = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+        symbols.append(stage.model.numbers)
         value = stage.cost + ca.dot(costate, stage.next_state)
         name = f"hamiltonian_{index}"
         functions.append(ca.Function(name, [*symbols, costate], [value], {"cse": True}))
@@ -214,6 +215,7 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
             grid.stages, functions, stage_arguments(grid, w, p), strict=True
         ):
             inputs = ca.vertcat(u[:before, :], tables[kind.steps, option].T, u[after:, :])
+            given.append(ca.repmat(ca.DM(problem.numbers), 1, kind.count))
             values.append(function.map(kind.count)(x, inputs, *given, costates[:, kind.steps]))
     return named_function(
         "hamiltonian",

@@ -37,6 +37,14 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
+from iptm_core.physics.model_numbers import (
+    NUMBERS,
+    SplitFunctions,
+    SymbolicModel,
+    numbers_of,
+    shape_of,
+    split_off,
+)
 from iptm_core.physics.ops import BufferedFunction, Scalar, doubles, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
@@ -49,7 +57,7 @@ from iptm_core.physics.powertrain import (
     extended_pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.thermal_loop import cooling_supply, reduce_channel
+from iptm_core.physics.thermal_loop import cooling_supply
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState
 from iptm_core.units import J_PER_KWH, SECONDS_PER_HOUR
 
@@ -62,9 +70,12 @@ class PackModel:
     """Evaluates the model of a parameter set."""
 
     def __init__(self, parameters: ModelParameters) -> None:
-        rates, cooling = _build(parameters)
-        self._rates, self._write = _with_one_argument(rates)
-        self._cooling, self._write_cooling = _with_one_argument(cooling)
+        shape = shape_of(parameters)
+        split = _build(shape)
+        numbers = split.prepare(numbers_of(parameters, shape))
+        rates, cooling = split.functions
+        self._rates, self._write = _with_one_argument(rates, numbers)
+        self._cooling, self._write_cooling = _with_one_argument(cooling, numbers)
 
     def rates_k_s(
         self,
@@ -104,13 +115,15 @@ class PackModel:
         return self._cooling.results["cooling_w"].item()
 
 
-def _with_one_argument(function: ca.Function) -> tuple[BufferedFunction, Callable[..., None]]:
-    """Return a function of numbers, and what writes all of them in their order."""
-    names = function.name_in()
+def _with_one_argument(
+    function: ca.Function, numbers: FloatArray
+) -> tuple[BufferedFunction, Callable[..., None]]:
+    """Return a function of a model with these numbers, and what writes its arguments in their order."""
+    names = [name for name in function.name_in() if name != NUMBERS]
     array, write = doubles(len(names))
     given: FloatArray = np.frombuffer(array)
     places = {name: given[place : place + 1] for place, name in enumerate(names)}
-    return BufferedFunction(function, places), write
+    return BufferedFunction(function, {**places, NUMBERS: numbers}), write
 
 
 def _pack(state: VehicleState, cells_k: tuple[float, float]) -> tuple[float, ...]:
@@ -120,10 +133,11 @@ def _pack(state: VehicleState, cells_k: tuple[float, float]) -> tuple[float, ...
 
 
 @lru_cache(maxsize=16)
-def _build(parameters: ModelParameters) -> tuple[ca.Function, ca.Function]:
+def _build(shape: ModelParameters) -> SplitFunctions:
     """Return the functions to the rates of the cells, and to the heat that the coolant loses."""
+    model = SymbolicModel.of(shape)
+    parameters, channel = model.parameters, model.channel
     cell, pack = parameters.cell, parameters.pack
-    channel = reduce_channel(parameters.cooling, pack)
     given = {name: ca.SX.sym(name) for name in (*_PACK, "cell_1_k", "cell_n_k")}
     motion = {name: ca.SX.sym(name) for name in ("acceleration_m_s2", "slope_rad", "has_road")}
     measured = {name: ca.SX.sym(name) for name in ("has_power", "power", "has_inlet", "inlet")}
@@ -160,9 +174,12 @@ def _build(parameters: ModelParameters) -> tuple[ca.Function, ca.Function]:
         heat_w = cell_heat_w(current, ohm, kelvin, cell) + heat_from_air_w(kelvin, parameters)
         found[name] = cell_temperature_rate_k_s(heat_w, kelvin, coolant_k, cell, parameters.cooling)
     cooling = {"cooling_w": rates_at(0.0).coolant.cooling_rate_w}
-    return (
-        named_function("pack_rates", given | motion | measured, found, cse=True),
-        named_function("pack_cooling", given, cooling, cse=True),
+    numbers = {NUMBERS: model.numbers}
+    return split_off(
+        [
+            named_function("pack_rates", given | motion | measured | numbers, found),
+            named_function("pack_cooling", given | numbers, cooling),
+        ]
     )
 
 

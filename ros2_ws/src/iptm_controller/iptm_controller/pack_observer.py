@@ -245,7 +245,7 @@ class PackObserver:
         if not (is_temperature(inlet_k) and is_temperature(outlet_k)):
             return 0.0
         expected_k = outlet.temperature_k(inlet_k, sensors[0].model_k, sensors[1].model_k)
-        return float(outlet_k - expected_k) / weight
+        return float((outlet_k - expected_k) / weight)
 
     def _used_k(self, sensor: SensorMemory, value_k: float) -> float:
         """Return the temperature to go on with: the measured one, or the model's with its margin."""

@@ -34,7 +34,6 @@ from iptm_controller.tick_library import (
     vehicle,
 )
 from iptm_core.physics.ops import address
-from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 
@@ -173,7 +172,6 @@ class _Strategy(ctypes.Structure):
         ("min_temperature_k", DOUBLE),
         ("coldest_below_limit_k", DOUBLE),
         ("headway_price_1_m2_s", DOUBLE),
-        *((name, DOUBLE) for name in MassLoad._fields),
     )
 
 
@@ -234,7 +232,6 @@ class PlanDataInC(PlanData):
             builder.min_temperature_k,
             strategy.coldest_below_limit_k,
             strategy.headway_price_1_m2_s,
-            *builder.load,
         )
         self._strategy_pointer = ctypes.byref(self._strategy)
         plan_size = (grid.steps + 1) * layout.STATES + grid.steps * layout.INPUTS

@@ -1,17 +1,10 @@
-"""The C compiler: which one, its flags and processes, and numbers that need none.
-
-Generated C holds the numbers of a model as hundreds of literals, and to compile it takes seconds. Read from
-an array instead, they are data that come with each call, and another model uses the same code. Their values
-are unknown while the code is compiled: the same operations are done on the same numbers as with literals, bit
-by bit.
-"""
+"""The C compiler: which one, its flags and processes."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import platform
-import re
 import shutil
 import signal
 import subprocess
@@ -146,33 +139,3 @@ def _kill(job: subprocess.Popen[str]) -> None:
     if job.poll() is None:
         with suppress(OSError):
             os.killpg(job.pid, signal.SIGKILL)
-
-
-_TOKEN = re.compile(
-    # The set in front lets the search leap to what may be a token.
-    r"[s\d](?:"
-    # Arrays of constants need literals; they stay what they are.
-    r"(?<=s)tatic const casadi_\w+ [^;]*;"
-    r"|(?<=[^\w.]\d)(?:\d*\.\d*(?:[eE][-+]?\d+)?|\d*[eE][-+]?\d+)(?![\w.]))"
-)
-_LITERAL = frozenset({0.0, 0.5, 1.0, 2.0})
-"""Numbers for which compilers simplify operations."""
-
-
-def split_numbers(source: str, name: str) -> tuple[str, tuple[float, ...]]:
-    """Return generated C that reads its numbers from an array, and the numbers by first appearance.
-
-    Args:
-        name: of the array in the code.
-    """
-    places: dict[float, int] = {}
-
-    def entry(found: re.Match[str]) -> str:
-        if found[0].startswith("s"):
-            return found[0]
-        number = float(found[0])
-        if number in _LITERAL:
-            return found[0]
-        return f"{name}[{places.setdefault(number, len(places))}]"
-
-    return _TOKEN.sub(entry, source), tuple(places)

@@ -120,6 +120,11 @@ def quantity(
     return field(default=MISSING if neutral is None else neutral, metadata={"spec": spec})
 
 
+def has_effect(value: object, neutral: float = 0.0) -> bool:
+    """Return whether a number is other than the one that changes nothing; an expression is taken to be."""
+    return not isinstance(value, (int, float)) or value != neutral
+
+
 def count(symbol: str, minimum: int, maximum: int) -> Any:
     """Declare a whole number; see `quantity`."""
     spec = ParameterSpec("", int, "", "1", minimum, maximum, symbol=symbol)

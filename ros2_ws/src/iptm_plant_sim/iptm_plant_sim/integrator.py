@@ -3,7 +3,7 @@
 Classical Runge-Kutta of order four on the four cell states; energies, heat and charge are quadratures of
 the same stages. What depends on the state of charge is taken at the start of the interval. One sub-step is an
 expression graph of the very functions that the rest of the project uses. It is generated as C once for all
-models of one form, with the numbers of a model as an argument, and called in a loop in C, see
+models of one shape, with the numbers of a model as an argument, and called in a loop in C, see
 ``c/interval.c``.
 
 Friction brakes supply what the pack does not take. A pack without limits of its own takes any power until it
@@ -16,7 +16,7 @@ from __future__ import annotations
 import ctypes
 import math
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
@@ -26,10 +26,16 @@ import casadi as ca
 import numpy as np
 
 from iptm_core.compilation import cache_directory, compile_sources
-from iptm_core.compiler import split_numbers
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
+from iptm_core.physics.model_numbers import (
+    SplitFunctions,
+    SymbolicModel,
+    numbers_of,
+    shape_of,
+    split_off,
+)
 from iptm_core.physics.ops import address
 from iptm_core.physics.pack_limits import PowerLimits, least_traction_power_w, power_limits
 from iptm_core.physics.power_thermal import CellPair
@@ -55,10 +61,13 @@ class IntervalIntegrator:
     """
 
     def __init__(self, parameters: ModelParameters, *, bounded: bool = False) -> None:
-        code = _code(parameters, bounded=bounded)
+        shape = shape_of(parameters)
+        library, split = _program(shape, cache_directory(), bounded=bounded)
+        self._numbers = split.prepare(numbers_of(parameters, shape))
         self._held = np.zeros(4 if bounded else 2)
         self._found = np.zeros(len(STATES) + len(INTEGRALS) + len(AT_END))
-        self._integrate = code.on(self._held, self._found)
+        self._run = library.iptm_integrate
+        self._buffers = [address(each) for each in (self._numbers, self._held, self._found)]
 
     def integrate(
         self,
@@ -82,52 +91,27 @@ class IntervalIntegrator:
         if bounds is not None:
             self._held[2], self._held[3] = bounds.traction_w, bounds.battery_w
         _START.pack_into(self._found.data, 0, *_states_of(cells), *_NOTHING)
-        self._integrate(motion, slopes_rad)
+        columns = motion.lengths_s, motion.accelerations_m_s2, slopes_rad, motion.speeds_m_s
+        numbers, held, end = self._buffers
+        self._run(motion.lengths_s.size, numbers, held, *map(address, columns), end)
         found: Sequence[Any] = self._found.tolist()
         return IntervalResult(*found)
 
 
-class _Code:
-    """A sub-step and the end of an interval in C."""
-
-    def __init__(self, parameters: ModelParameters, *, bounded: bool) -> None:
-        text, numbers = split_numbers(_source(sub_step(parameters, bounded=bounded)), "w")
-        self._run = _library(text, cache_directory()).iptm_integrate
-        self._numbers = np.array(numbers)
-
-    def on(self, held: FloatArray, found: FloatArray) -> Callable[[Motion, FloatArray], None]:
-        """Return the integration of a motion on slopes, on two fixed buffers."""
-        run, numbers, fixed, end = self._run, address(self._numbers), address(held), address(found)
-
-        def integrate(motion: Motion, slopes_rad: FloatArray) -> None:
-            lengths_s = motion.lengths_s
-            columns = lengths_s, motion.accelerations_m_s2, slopes_rad, motion.speeds_m_s
-            run(lengths_s.size, numbers, fixed, *map(address, columns), end)
-
-        return integrate
-
-
 @lru_cache(maxsize=16)
-def _code(parameters: ModelParameters, *, bounded: bool) -> _Code:
-    """Return the code of a parameter set, kept for the next vehicle with the same one."""
-    return _Code(parameters, bounded=bounded)
-
-
-@lru_cache(maxsize=16)
-def _library(text: str, _folder: Path) -> ctypes.PyDLL:
-    """Return the library of a generated model, whose numbers are arguments."""
-    files = {**C_SOURCES.read("interval.c"), "model.c": text}
+def _program(
+    shape: ModelParameters, _folder: Path, *, bounded: bool
+) -> tuple[ctypes.PyDLL, SplitFunctions]:
+    """Return the library of a shape and the functions in it; the folder is part of the key only."""
+    split = split_off(sub_step(SymbolicModel.of(shape), bounded=bounded))
+    generator = ca.CodeGenerator("model.c", {"with_header": False})
+    for function in split.functions:
+        generator.add(function)
+    files = {**C_SOURCES.read("interval.c"), "model.c": str(generator.dump())}
     library = ctypes.PyDLL(str(compile_sources(files)))
     library.iptm_integrate.argtypes = [ctypes.c_int, *[ctypes.c_void_p] * 7]
     library.iptm_integrate.restype = None
-    return library
-
-
-def _source(functions: Iterable[ca.Function]) -> str:
-    generator = ca.CodeGenerator("model.c", {"with_header": False})
-    for function in functions:
-        generator.add(function)
-    return str(generator.dump())
+    return library, split
 
 
 class PackIntegration:

@@ -11,13 +11,13 @@ import casadi as ca
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm, pack_capacity_ah
+from iptm_core.physics.model_numbers import NUMBERS, SymbolicModel
 from iptm_core.physics.ops import Scalar, maximum, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
     electric_traction_power_w,
     rates_at_traction_power,
 )
-from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import BatteryReading, ChannelCells, FullChannelState, PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.safety_monitor import MonitorMemory
@@ -62,9 +62,9 @@ def deliverable(value: Scalar, battery_w: Scalar, bounds: Mapping[str, Scalar]) 
     return where(battery_w > bounds["most_battery_w"] + _POWER_RESOLUTION_W, math.nan, value)
 
 
-def sub_step(parameters: ModelParameters, *, bounded: bool) -> tuple[ca.Function, ca.Function]:
+def sub_step(model: SymbolicModel, *, bounded: bool) -> tuple[ca.Function, ca.Function]:
     """Return the functions of a sub-step, of STATES and INTEGRALS, and of AT_END at the end of the last."""
-    stage = _stage(parameters, bounded=bounded)
+    stage = _stage(model, bounded=bounded)
     values = ca.SX.sym("values", len(STATES) + len(INTEGRALS))
     held = ca.SX.sym("held", 4 if bounded else 2)
     h, acceleration = ca.SX.sym("length_s"), ca.SX.sym("acceleration_m_s2")
@@ -73,7 +73,7 @@ def sub_step(parameters: ModelParameters, *, bounded: bool) -> tuple[ca.Function
     def derivatives(place: int, cells: Sequence[Scalar]) -> Scalar:
         # Called with symbols, a function repeats its operations, which is faster than building them.
         given = speeds[place], acceleration, slopes[place], *ca.vertsplit(held)
-        return ca.vertcat(*stage(*given, *cells))
+        return ca.vertcat(*stage(*given, *cells, model.numbers))
 
     count, rates = len(STATES), slice(0, values.numel())
     now = values[:count]
@@ -87,20 +87,20 @@ def sub_step(parameters: ModelParameters, *, bounded: bool) -> tuple[ca.Function
     given = {"values": values, "acceleration_m_s2": acceleration, "held": held}
     over = {"length_s": h, "slopes_rad": slopes, "speeds_m_s": speeds}
     last = {"slope_rad": slopes[2], "speed_m_s": speeds[2]}
+    over[NUMBERS] = last[NUMBERS] = model.numbers
     return (
         named_function("sub_step", given | over, {"moved": moved}, cse=True),
         named_function("interval_end", given | last, {"at_end": at_end}),
     )
 
 
-def _stage(parameters: ModelParameters, *, bounded: bool) -> ca.Function:
+def _stage(model: SymbolicModel, *, bounded: bool) -> ca.Function:
     """Return the function from motion and cells to the rates of STATES and INTEGRALS, and to AT_END."""
-    channel = reduce_channel(parameters.cooling, parameters.pack)
     motion = ("speed_m_s", "acceleration_m_s2", "slope_rad", "compressor_power_w", "charge")
     bounds = bound_symbols() if bounded else {}
     given = {name: ca.SX.sym(name) for name in motion} | bounds
     given |= {name: ca.SX.sym(name) for name in STATES}
-    parameters = at_charge(parameters, given["charge"])
+    parameters = at_charge(model.parameters, given["charge"])
     cells = CellPair(**{name: given[name] for name in STATES})
     speed = given["speed_m_s"]
     traction = electric_traction_power_w(
@@ -109,7 +109,7 @@ def _stage(parameters: ModelParameters, *, bounded: bool) -> ca.Function:
     if bounds:
         traction = maximum(traction, bounds["least_traction_w"])
     rates = rates_at_traction_power(
-        traction, speed, given["compressor_power_w"], cells, parameters, channel
+        traction, speed, given["compressor_power_w"], cells, parameters, model.channel
     )
     current = rates.cell_current_a
     voltage_1, voltage_n = (
@@ -139,7 +139,7 @@ def _stage(parameters: ModelParameters, *, bounded: bool) -> ca.Function:
         "pack_voltage_v": 0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
     }
     arguments = {f"at_{name}": symbol for name, symbol in given.items()}
-    return named_function("stage", arguments, found)
+    return named_function("stage", {**arguments, NUMBERS: model.numbers}, found)
 
 
 def _pack_heat_w(current_a: Scalar, cells: CellPair, parameters: ModelParameters) -> Scalar:

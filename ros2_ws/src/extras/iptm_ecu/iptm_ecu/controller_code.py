@@ -21,6 +21,7 @@ from iptm_controller.measurements import MOTION_RANGES, PACK_RANGES
 from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
+from iptm_controller.ocp.stage_code import TABLE
 from iptm_controller.preview_trust import lead_ticks
 from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import stage_program
@@ -76,6 +77,8 @@ def controller_code(controller: MpcController) -> dict[str, str]:
     files |= {"layout.h": layout_header(), "stage_sizes.h": program.header}
     files["controller_data.h"] = _header(controller)
     files["controller_data.c"] = _data(controller, problem, controller.backend.numbers)
+    numbers = program.functions.prepare(problem.numbers)
+    files["controller_data.c"] += f"\nconst iptm_real {TABLE}[] = {_braced(map(float, numbers))};\n"
     return files
 
 
@@ -165,7 +168,7 @@ def _data(
     numbers = valuation.numbers if isinstance(valuation, TemperatureValuation) else [0.0] * 17
     ranges = MOTION_RANGES | PACK_RANGES
     lines = [
-        '#include "controller_data.h"\n\n#include <math.h>\n#include <stddef.h>\n',
+        '#include "controller_data.h"\n\n#include <math.h>\n#include <stddef.h>\n\n#include "stages.h"\n',
         *(
             f"static const double {name}[] = {_braced(map(float, values))};"
             for name, values in tables.items()
@@ -247,7 +250,6 @@ def _data(
             limits.min_temperature_k,
             strategy.coldest_below_limit_k,
             strategy.headway_price_1_m2_s,
-            *builder.load,
         ),
     ]
     return "\n".join(lines)

@@ -7,6 +7,7 @@ import math
 import casadi as ca
 
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.pack_limits import least_traction_power_w, terminal_limits_w
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import IntegrationSettings
@@ -115,7 +116,7 @@ def model_code(parameters: ModelParameters) -> str:
     """Return the generated C of a sub-step of the pack, and of what is known at the end of a step."""
     generator = ca.CodeGenerator("model.c", {"with_header": False})
     limited = parameters.pack_limits.limited
-    for function in sub_step(parameters, bounded=limited):
+    for function in sub_step(SymbolicModel.literal(parameters), bounded=limited):
         generator.add(function)
     if limited:
         generator.add(_pack_bounds(parameters))

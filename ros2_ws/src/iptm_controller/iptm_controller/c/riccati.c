@@ -544,7 +544,7 @@ void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const 
   iptm_termination termination;
   const int most = options->max_iterations;
   const int few = options->warm_start_iterations < most ? options->warm_start_iterations : most;
-#ifdef IPTM_NUMBERS
+#ifdef IPTM_NUMBERS_GIVEN
   iptm_numbers = horizon->numbers;
 #endif
   (void)lay_out(&m, horizon, work);

@@ -17,7 +17,7 @@ typedef struct {
   const int *kind_steps;     /* steps of every stage kind, in order */
   const double *soft_prices; /* price of every slack, penalty times step length, IPTM_SLACKS per step */
   const double *lengths_s;   /* of the steps */
-  const double *numbers;     /* of the model, NULL where the code has them as literals */
+  const iptm_real *numbers;  /* of the model, NULL where they are constants beside the code */
 } iptm_horizon;
 
 typedef struct {

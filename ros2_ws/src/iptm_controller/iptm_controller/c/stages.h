@@ -29,9 +29,11 @@ extern const iptm_stage_map iptm_linearise[], iptm_evaluate[], iptm_least_slacks
     iptm_follow[];
 /* Parameters of a step. */
 extern const int iptm_kind_parameters[];
-#ifdef IPTM_NUMBERS
-/* What the functions read in place of literals. */
-extern const double *iptm_numbers __attribute__((visibility("hidden")));
+/* Numbers of the model, of which the functions have none. */
+#ifdef IPTM_NUMBERS_GIVEN
+extern const iptm_real *iptm_numbers __attribute__((visibility("hidden")));
+#else
+extern const iptm_real iptm_numbers[];
 #endif
 
 /* One step of the recursions, see recursion.py. */

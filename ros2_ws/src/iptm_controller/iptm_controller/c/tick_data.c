@@ -204,9 +204,6 @@ static void pose_shared(const iptm_strategy *strategy, const iptm_vehicle *vehic
   parameters[IPTM_GLOBAL_THERMAL_ENERGY_PRICE] = scale * prices->thermal_energy_price_1_j;
   parameters[IPTM_GLOBAL_CHARGE_POWER] = ahead->charge_w;
   parameters[IPTM_GLOBAL_HEADWAY_PRICE] = ahead->follows > 0.0 ? scale * strategy->headway_price_1_m2_s : 0.0;
-  parameters[IPTM_GLOBAL_VEHICLE_WEIGHT] = strategy->weight_n;
-  parameters[IPTM_GLOBAL_ROLLING_RESISTANCE] = strategy->rolling_n;
-  parameters[IPTM_GLOBAL_VEHICLE_INERTIA] = strategy->inertia_kg;
 }
 
 /* Write the parameters of the steps: gap limits, intervals of the inputs and speed limits. */

@@ -35,11 +35,10 @@ typedef struct {
   const double *positions_m, *slopes_rad;
 } iptm_slope;
 
-/* Weights of the cost, their common factor, the temperatures that they refer to, and the load of the vehicle. */
+/* Weights of the cost, their common factor, and the temperatures that they refer to. */
 typedef struct {
   double scale, weights[IPTM_WEIGHTS], reference_temperature_k, min_temperature_k, coldest_below_limit_k;
   double headway_price_1_m2_s;
-  double weight_n, rolling_n, inertia_kg;
 } iptm_strategy;
 
 /* Prices of the temperatures at the end of the horizon, see temperature_value.py; all zero for none. */

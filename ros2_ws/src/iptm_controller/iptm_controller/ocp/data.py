@@ -15,7 +15,6 @@ from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import TOLERANCE_S, FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
@@ -75,7 +74,6 @@ class ProblemDataBuilder:
         # Behind what changes from tick to tick.
         weighted = [self._scale * weight for weight in strategy.weights.values()]
         self._weighted: FloatArray = np.array([math.nan] * len(GlobalIndex) + weighted)
-        self.load = self._weighted[layout.MASS_LOAD] = MassLoad.of(model.body)
         self._model = model
         self._limits = model.limits
         lengths = grid.horizon.step_lengths_s

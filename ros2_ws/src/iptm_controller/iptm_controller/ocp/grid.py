@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -31,6 +32,7 @@ def sample_count(step_s: float) -> int:
     return max(2, math.ceil(step_s / SECONDS_PER_SAMPLE))
 
 
+@cache
 def quadrature(samples: int) -> tuple[FloatArray, FloatArray]:
     """Return Gauss-Legendre nodes and weights on [0, 1], shapes (samples,)."""
     nodes, weights = np.polynomial.legendre.leggauss(samples)

@@ -62,8 +62,7 @@ class GlobalIndex(IntEnum):
     The prices of a kelvin and of thermal energy come from ``TemperatureValue``; the price of running the
     compressor is zero unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
     The charging power is the largest that the pack takes; the stages of a pack without limits do not have it.
-    The price of a headway other than the desired one is zero where no lead vehicle is followed. The load of
-    the vehicle is `MassLoad`: problems that differ in the mass alone have the same code.
+    The price of a headway other than the desired one is zero where no lead vehicle is followed.
     """
 
     CELL_1_LOSS = 0
@@ -76,15 +75,10 @@ class GlobalIndex(IntEnum):
     THERMAL_ENERGY_PRICE = 7
     CHARGE_POWER = 8
     HEADWAY_PRICE = 9
-    VEHICLE_WEIGHT = 10
-    ROLLING_RESISTANCE = 11
-    VEHICLE_INERTIA = 12
 
 
 WEIGHTS = {key: len(GlobalIndex) + place for place, key in enumerate(COST_TERMS)}
 """Places of the weights in the shared parameters, by field of `Strategy`."""
-MASS_LOAD = slice(GlobalIndex.VEHICLE_WEIGHT, GlobalIndex.VEHICLE_INERTIA + 1)
-"""Places of `MassLoad` in the shared parameters."""
 
 
 class StepIndex(IntEnum):

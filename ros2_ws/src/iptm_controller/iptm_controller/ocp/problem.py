@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,8 +15,9 @@ from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, PenaltyWeights, StageEx
 from iptm_controller.ocp.stages import build_stage, build_thermal_stage
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
+from iptm_core.physics.model_numbers import SymbolicModel, numbers_of, shape_of
+from iptm_core.physics.ops import is_symbolic
 from iptm_core.physics.power_thermal import Smoothing
-from iptm_core.physics.powertrain import MASS_LOAD_OF
 from iptm_core.state import FloatArray
 
 
@@ -36,17 +36,26 @@ class OptimalControlProblem:
         return ProblemGrid(self.horizon)
 
     @property
-    def without_load(self) -> OptimalControlProblem:
-        """The problem without what `MassLoad` is made of, which comes with the data: it has the same code."""
-        unknown = dict.fromkeys(MASS_LOAD_OF, math.nan)
-        body = replace(self.model.body, **unknown)
-        return replace(self, model=replace(self.model, body=body))
+    def shape(self) -> OptimalControlProblem:
+        """What problems with the same code have in common; step counts and numbers of the model are not."""
+        phases = tuple(replace(phase, steps=1) for phase in self.horizon.phases)
+        return replace(self, horizon=Horizon(phases), model=shape_of(self.model))
 
-    def stage_expressions(self) -> list[StageExpressions]:
-        """Return the symbolic stages, one per kind of the grid."""
+    @cached_property
+    def numbers(self) -> FloatArray:
+        """What the functions of the stages take for the model."""
+        return numbers_of(self.model, shape_of(self.model))
+
+    def stage_expressions(self, model: SymbolicModel | None = None) -> list[StageExpressions]:
+        """Return the symbolic stages, one per kind of the grid.
+
+        Args:
+            model: of the numbers; without it they are those of a symbol that the stages share.
+        """
+        model = model or SymbolicModel.of(shape_of(self.model))
         return [
             (build_thermal_stage if kind.thermal else build_stage)(
-                kind.step_s, kind.samples, self.model, self.smoothing, self.penalties
+                kind.step_s, kind.samples, model, self.smoothing, self.penalties
             )
             for kind in self.grid.stages
         ]
@@ -67,18 +76,20 @@ def stage_bounds(model: ModelParameters) -> Bounds:
 
     Physical limits of the inputs are hard; everything else goes through rows that a slack softens. States
     are free: the present one is put into the bounds of x_0 for every problem. The compressor is not driven
-    harder than it is of use.
+    harder than it is of use. Bounds of a model of expressions are expressions.
     """
     limits = model.limits
-    variables_low = np.full(layout.BLOCK, -np.inf)
-    variables_high = np.full(layout.BLOCK, np.inf)
-    inputs_low, inputs_high = np.zeros(layout.INPUTS), np.full(layout.INPUTS, np.inf)
-    inputs_low[InputIndex.ACCELERATION] = limits.min_acceleration_m_s2
-    inputs_high[InputIndex.ACCELERATION] = limits.max_acceleration_m_s2
-    inputs_low[InputIndex.COMPRESSOR_POWER] = limits.lowest_thermal_power_w
-    inputs_high[InputIndex.COMPRESSOR_POWER] = largest_useful_power_w(model.chiller, limits)
-    variables_low[layout.STATES :] = inputs_low / layout.INPUT_SCALE
-    variables_high[layout.STATES :] = inputs_high / layout.INPUT_SCALE
+    accelerations = limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
+    largest_w = largest_useful_power_w(model.chiller, limits)
+    powers = limits.lowest_thermal_power_w, largest_w
+    kind = object if is_symbolic(*accelerations, *powers) else float
+    variables_low = np.full(layout.BLOCK, -np.inf, kind)
+    variables_high = np.full(layout.BLOCK, np.inf, kind)
+    variables_low[layout.STATES :] = 0.0
+    given = {InputIndex.ACCELERATION: accelerations, InputIndex.COMPRESSOR_POWER: powers}
+    for index, (low, high) in given.items():
+        place, scale = layout.STATES + index, float(layout.INPUT_SCALE[index])
+        variables_low[place], variables_high[place] = low / scale, high / scale
     rows_low, rows_high = np.zeros(layout.ROWS), np.full(layout.ROWS, np.inf)
     rows_high[: layout.STATES] = 0.0
     for rate in (LimitIndex.ACCELERATION_RATE, LimitIndex.COMPRESSOR_RATE):

@@ -16,7 +16,9 @@ from iptm_controller.ocp.layout import (
     StepIndex,
 )
 from iptm_controller.strategy import COST_TERMS, CostPoint
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import LimitParameters, ModelParameters
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.ops import absolute, maximum
 from iptm_core.physics.power_thermal import (
     PowerThermalRates,
@@ -72,6 +74,7 @@ class StageExpressions:
         next_state: expression, shape (STATES,).
         cost: scalar expression.
         limits: expression, shape (LIMITS,), order of ``LimitIndex``.
+        model: with the symbol of its numbers.
     """
 
     state: ca.SX
@@ -81,6 +84,7 @@ class StageExpressions:
     next_state: ca.SX
     cost: ca.SX
     limits: ca.SX
+    model: SymbolicModel
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ class StageSymbols:
         cost: ca.SX,
         next_state: Mapping[StateIndex, ca.SX],
         limits: Mapping[LimitIndex, ca.SX],
-        parameters: ModelParameters,
+        model: SymbolicModel,
         smoothing: Smoothing,
         penalties: PenaltyWeights,
     ) -> StageExpressions:
@@ -134,7 +138,7 @@ class StageSymbols:
         change_n_k = end_n_k - self.state[StateIndex.CELL_N_TEMPERATURE]
         power = self.inputs[InputIndex.COMPRESSOR_POWER]
         cost += _price_cost(
-            step_s, change_1_k, change_n_k, power, self.g, parameters.limits, smoothing
+            step_s, change_1_k, change_n_k, power, self.g, model.parameters.limits, smoothing
         )
         cost += _cold_cost(step_s, end_1_k, self.g)
         cost += _slack_cost(step_s, self.inputs, penalties)
@@ -147,6 +151,7 @@ class StageSymbols:
             next_state=(end - layout.STATE_OFFSET) / layout.STATE_SCALE,
             cost=cost,
             limits=ca.vertcat(*layout.in_order(LimitIndex, limits)),
+            model=model,
         )
 
 
@@ -178,7 +183,7 @@ def _price_cost(
     """
     kilowatts = power_w / layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER]
     drawn_w = power_w
-    if bounds.max_heater_power_w > 0.0:
+    if has_effect(bounds.max_heater_power_w):
         kilowatts = maximum(kilowatts, 0.0) ** 2
         drawn_w = absolute(power_w, smoothing.actuator_w)
     cost: ca.SX = (

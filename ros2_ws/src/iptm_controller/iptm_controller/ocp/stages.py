@@ -43,6 +43,7 @@ from iptm_controller.ocp.stage import (
     cost_rate,
     temperature_rows,
 )
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import (
     braking_reserve_m,
@@ -51,6 +52,7 @@ from iptm_core.physics.car_following import (
     maximum_gap_m,
     minimum_gap_m,
 )
+from iptm_core.physics.model_numbers import SymbolicModel
 from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
@@ -59,8 +61,7 @@ from iptm_core.physics.power_thermal import (
     power_thermal_rates,
     rates_at_traction_power,
 )
-from iptm_core.physics.powertrain import MassLoad, advance_position_m, advance_speed_m_s
-from iptm_core.physics.thermal_loop import reduce_channel
+from iptm_core.physics.powertrain import advance_position_m, advance_speed_m_s
 
 LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
 GAP_SMOOTHING_M = 0.3
@@ -72,14 +73,14 @@ distant lead vehicle is caught up with without haste."""
 def build_stage(
     step_s: float,
     samples: int,
-    parameters: ModelParameters,
+    model: SymbolicModel,
     smoothing: Smoothing = DEFAULT_SMOOTHING,
     penalties: PenaltyWeights = DEFAULT_PENALTIES,
 ) -> StageExpressions:
     """Write down one step of the optimal control problem (paper eqs. 16 to 19)."""
-    symbols = StageSymbols.of(samples)
+    symbols, parameters = StageSymbols.of(samples), model.parameters
     state, inputs = symbols.state, symbols.inputs
-    step = _integrate(step_s, samples, smoothing, parameters, symbols)
+    step = _integrate(step_s, samples, smoothing, model, symbols)
     acceleration = inputs[InputIndex.ACCELERATION]
     position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
     next_state = {
@@ -92,14 +93,14 @@ def build_stage(
     }
     limits = _limits(parameters, symbols, next_state, step)
     cost = step.cost
-    if parameters.gap.desired_time_headway_s > 0.0:
+    if has_effect(parameters.gap.desired_time_headway_s):
         gap = symbols.p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
         error = (
             gap - desired_gap_m(next_state[StateIndex.SPEED], parameters.gap)
         ) / NEARLY_DESIRED_M
         squared_m2 = 2.0 * NEARLY_DESIRED_M**2 * (ca.sqrt(1.0 + error * error) - 1.0)
         cost += step_s * symbols.g[GlobalIndex.HEADWAY_PRICE] * squared_m2
-    return symbols.stage(step_s, cost, next_state, limits, parameters, smoothing, penalties)
+    return symbols.stage(step_s, cost, next_state, limits, model, smoothing, penalties)
 
 
 @dataclass(frozen=True)
@@ -120,11 +121,12 @@ def _integrate(
     step_s: float,
     samples: int,
     smoothing: Smoothing,
-    parameters: ModelParameters,
+    model: SymbolicModel,
     symbols: StageSymbols,
 ) -> _StepIntegrals:
     state, inputs, p, g = symbols.state, symbols.inputs, symbols.p, symbols.g
-    channel = reduce_channel(parameters.cooling, parameters.pack)
+    parameters, body = model.parameters, model.parameters.body
+    inertia_kg = body.mass_kg * body.rotational_inertia_factor
     nodes, weights = quadrature(samples)
     position, speed = state[StateIndex.POSITION], state[StateIndex.SPEED]
     start_1 = state[StateIndex.CELL_1_TEMPERATURE]
@@ -155,13 +157,12 @@ def _integrate(
             inputs[InputIndex.COMPRESSOR_POWER],
             cells,
             parameters,
-            channel,
+            model.channel,
             smoothing,
             charge_limit_w(parameters, g),
-            MassLoad(*ca.vertsplit(g[layout.MASS_LOAD])),
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
-        motion_w = g[GlobalIndex.VEHICLE_INERTIA] * sample_speed * acceleration
+        motion_w = inertia_kg * sample_speed * acceleration
         cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, motion_w, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
@@ -188,7 +189,7 @@ def _limits(
     leader_speed = p[StepIndex.LEADER_SPEED]
     shortest = minimum_gap_m(speed, leader_speed, gap_policy, bounds)
     at_end = p[StepIndex.END_OF_PREVIEW]
-    if gap_policy.desired_time_headway_s > 0.0:
+    if has_effect(gap_policy.desired_time_headway_s):
         reserve = emergency_reserve_m(gap, speed, leader_speed, parameters.brakes)
     else:
         # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
@@ -221,7 +222,7 @@ def _limits(
 def build_thermal_stage(
     step_s: float,
     levels: int,
-    parameters: ModelParameters,
+    model: SymbolicModel,
     smoothing: Smoothing = DEFAULT_SMOOTHING,
     penalties: PenaltyWeights = DEFAULT_PENALTIES,
 ) -> StageExpressions:
@@ -230,9 +231,8 @@ def build_thermal_stage(
     Args:
         levels: number of traction powers.
     """
-    symbols = StageSymbols.of(levels)
+    symbols, parameters = StageSymbols.of(levels), model.parameters
     state, inputs, g = symbols.state, symbols.inputs, symbols.g
-    channel = reduce_channel(parameters.cooling, parameters.pack)
     power = inputs[InputIndex.COMPRESSOR_POWER]
     start_1 = state[StateIndex.CELL_1_TEMPERATURE]
     start_n = state[StateIndex.CELL_N_TEMPERATURE]
@@ -245,7 +245,7 @@ def build_thermal_stage(
         cells = CellPair(cell_1_k, cell_n_k, *losses)
         limit_w = charge_limit_w(parameters, g)
         return rates_at_traction_power(
-            traction_w, speed, power, cells, parameters, channel, smoothing, limit_w
+            traction_w, speed, power, cells, parameters, model.channel, smoothing, limit_w
         )
 
     first = rates(ca.sum2(traction) / levels, start_1, start_n)
@@ -279,4 +279,4 @@ def build_thermal_stage(
         **dict.fromkeys(speed_rows, INACTIVE_ROW_M + inputs[InputIndex.SPEED_EXCESS]),
         **temperature_rows(next_state, each[-1].coolant.outlet_k, inputs, bounds),
     }
-    return symbols.stage(step_s, cost, next_state, limits, parameters, smoothing, penalties)
+    return symbols.stage(step_s, cost, next_state, limits, model, smoothing, penalties)

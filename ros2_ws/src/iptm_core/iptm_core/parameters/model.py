@@ -6,10 +6,10 @@ their sources live in the YAML files of ``sets/``. Symbols in brackets are the p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from iptm_core.declaration import count, quantity
+from iptm_core.declaration import count, has_effect, quantity
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class RegenerationParameters:
     @property
     def limited(self) -> bool:
         """Whether regeneration is limited."""
-        return self.torque_nm > 0.0
+        return has_effect(self.torque_nm)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,9 @@ class PackLimitParameters:
     @property
     def limited(self) -> bool:
         """Whether anything but full and empty limits the pack."""
-        return self != PackLimitParameters()
+        usual = PackLimitParameters()
+        values = ((getattr(self, each.name), getattr(usual, each.name)) for each in fields(self))
+        return any(has_effect(*pair) for pair in values)
 
     def _rates(self, direction: str) -> tuple[float, ...]:
         names = ("minus_20", "minus_10", "0", "5", "10", "45")
@@ -272,7 +274,7 @@ class LimitParameters:
     def lowest_thermal_power_w(self) -> float:
         """Lower bound of the thermal actuator: full heating, with a heater, or the least compressor power."""
         heater_w = self.max_heater_power_w
-        return -heater_w if heater_w > 0.0 else self.min_compressor_power_w
+        return -heater_w if has_effect(heater_w) else self.min_compressor_power_w
 
 
 @dataclass(frozen=True)

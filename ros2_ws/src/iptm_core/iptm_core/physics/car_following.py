@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 from iptm_core.braking import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitParameters
-from iptm_core.physics.ops import Scalar, maximum, minimum
+from iptm_core.physics.ops import Scalar, maximum, minimum, sqrt
 from iptm_core.state import Command, VehicleState
 
 
@@ -22,7 +23,7 @@ def minimum_gap_m(
     ``s_st + v T_h + v (v - v_PV) / (2 sqrt(-a_min a_max))``. The last term is negative while the leader
     pulls away, so the value may fall below the standstill gap.
     """
-    braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
+    braking = 2.0 * sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
     approach = speed_m_s * (speed_m_s - leader_speed_m_s) / braking
     return gap.standstill_gap_m + speed_m_s * gap.time_headway_s + approach
 
@@ -36,7 +37,7 @@ def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float =
     Returns:
         Gap in m: the paper's constant without a largest time headway.
     """
-    if gap.max_time_headway_s == 0.0:
+    if not has_effect(gap.max_time_headway_s):
         return gap.max_gap_m
     by_headway = maximum(gap.max_time_headway_s * speed_m_s, gap.initial_gap_m, smoothing_m)
     return minimum(by_headway, gap.max_gap_m, smoothing_m)
@@ -154,8 +155,8 @@ def emergency_reserve_m(
         (slippery_m_s2, SLIPPERY_LEAD_SHARE * slippery_m_s2),
     )
 
-    def missing_m(own_m_s2: float, lead_m_s2: float) -> Scalar:
-        own_m_s2 = min(own_m_s2, brakes.max_deceleration_m_s2)
+    def missing_m(own_m_s2: Scalar, lead_m_s2: float) -> Scalar:
+        own_m_s2 = minimum(own_m_s2, brakes.max_deceleration_m_s2)
         # Brakes that build up for a time act like full ones from the middle of it.
         wait_s = assumed.monitor_reaction_s + brakes.delay_s + 0.5 * own_m_s2 / brakes.build_up_m_s3
         stops_m = wait_s * speed_m_s + speed_m_s * speed_m_s / (2.0 * own_m_s2)

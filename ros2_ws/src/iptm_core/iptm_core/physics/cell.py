@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import (
     AgingParameters,
     CellParameters,
@@ -81,7 +82,7 @@ def at_charge(parameters: ModelParameters, charge: Scalar) -> ModelParameters:
     if _voltage_varies(law):
         voltage = pack.open_circuit_voltage_v * ChargeTable(_NODES, law.voltage_shares).at(charge)
         pack = replace(pack, open_circuit_voltage_v=voltage)
-    if law.resistance_slope != 0.0:
+    if has_effect(law.resistance_slope):
         factor = 1.0 + law.resistance_slope * (charge - _MIDDLE)
         cell = replace(cell, nominal_resistance_ohm=cell.nominal_resistance_ohm * factor)
     return replace(parameters, pack=pack, cell=cell)
@@ -110,11 +111,11 @@ def charge_after(charge: float, drawn_c: float, capacity_ah: float) -> float:
 
 def depends_on_charge(law: ChargeParameters) -> bool:
     """Return whether anything of the pack depends on its state of charge."""
-    return _voltage_varies(law) or law.resistance_slope != 0.0
+    return _voltage_varies(law) or has_effect(law.resistance_slope)
 
 
 def _voltage_varies(law: ChargeParameters) -> bool:
-    return any(share != 1.0 for share in law.voltage_shares)
+    return any(has_effect(share, 1.0) for share in law.voltage_shares)
 
 
 def cell_resistance_ohm(
@@ -125,7 +126,7 @@ def cell_resistance_ohm(
     ``R_0 (1 + kappa (T - T_0)) mu (Q_nom / Q_bc)^lambda`` with ``Q_bc = Q_nom (1 - Q_loss)``. Where the
     cell has an exponent ``k_R``, its thermal factor is ``r_0 + (1 - r_0) exp(-k_R (T - T_0))``, as measured.
     """
-    if cell.resistance_exponent_1_k > 0.0:
+    if has_effect(cell.resistance_exponent_1_k):
         constant = cell.resistance_offset_share
         thermal = constant + (1.0 - constant) * exponential_growth(
             temperature_k, cell.resistance_exponent_1_k, cell.nominal_temperature_k
@@ -168,7 +169,7 @@ def heat_from_air_w(temperature_k: Scalar, parameters: ModelParameters) -> Scala
     The paper has none: exactly 0 without an exchange.
     """
     exchange_w_k = parameters.cooling.air_exchange_w_k
-    if exchange_w_k == 0.0:
+    if not has_effect(exchange_w_k):
         return 0.0
     ambient_k = parameters.environment.ambient_temperature_k
     return heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k / parameters.pack.cells)
@@ -203,6 +204,6 @@ def capacity_loss_rate_1_s(
 def aging_current_a(current_a: Scalar, magnitude_a: Scalar, aging: AgingParameters) -> Scalar:
     """Current in A that counts in the exponent of eq. (12): signed where the set asks for the print."""
     factor = aging.charging_rate_factor
-    if factor == 1.0:
+    if not has_effect(factor, 1.0):
         return magnitude_a
     return 0.5 * ((1.0 + factor) * magnitude_a + (1.0 - factor) * current_a)

@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import (
     ChillerParameters,
     CoolingParameters,
     EnvironmentParameters,
     LimitParameters,
 )
-from iptm_core.physics.ops import Scalar, exp, maximum
+from iptm_core.physics.ops import Scalar, exp, is_symbolic, maximum, minimum, where
 from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 
@@ -54,15 +55,15 @@ def compressor_gate(power_w: Scalar, chiller: ChillerParameters) -> Scalar:
 
     The fitted map alone would cool with the compressor off. Without a gate (P_gate = 0) it does: 1.
     """
-    if chiller.gate_power_w == 0.0:
+    if not has_effect(chiller.gate_power_w):
         return 1.0
     relative = power_w / chiller.gate_power_w
     return 1.0 - exp(-relative * relative)
 
 
-def largest_useful_power_w(chiller: ChillerParameters, limits: LimitParameters) -> float:
+def largest_useful_power_w(chiller: ChillerParameters, limits: LimitParameters) -> Scalar:
     """Return the compressor power beyond which more is of no use: the vertex of the map or the limit."""
-    return min(_vertex_w(chiller), limits.max_compressor_power_w)
+    return minimum(_vertex_w(chiller), limits.max_compressor_power_w)
 
 
 def chiller_line(
@@ -77,7 +78,7 @@ def chiller_line(
     # The slope of the parabola vanishes at its vertex: holding it there leaves the map differentiable.
     power = compressor_power_w
     vertex = _vertex_w(chiller)
-    if math.isfinite(vertex):
+    if is_symbolic(vertex) or math.isfinite(vertex):
         power = -maximum(-power, -vertex)
     offset = (
         chiller.xi_1 * power
@@ -90,8 +91,10 @@ def chiller_line(
     return ChillerLine(offset, slope, compressor_gate(compressor_power_w, chiller))
 
 
-def _vertex_w(chiller: ChillerParameters) -> float:
+def _vertex_w(chiller: ChillerParameters) -> Scalar:
     """Return the power of the parabola's vertex, infinite where it opens upwards or is a line."""
-    if chiller.xi_2_1_w >= 0.0:
+    bend = chiller.xi_2_1_w
+    if not is_symbolic(bend) and bend >= 0.0:
         return math.inf
-    return max(-chiller.xi_1 / (2.0 * chiller.xi_2_1_w), 0.0)
+    vertex = maximum(-chiller.xi_1 / (2.0 * bend), 0.0)
+    return where(bend >= 0.0, math.inf, vertex) if is_symbolic(bend) else vertex

@@ -51,6 +51,11 @@ asinh = _elementary(ca.asinh, np.arcsinh, math.asinh)
 _magnitude = _elementary(ca.fabs, np.abs, abs)
 
 
+def is_positive(width: Scalar) -> bool:
+    """Return whether a width is positive; an expression is, but for a zero."""
+    return not width.is_zero() if isinstance(width, _SYMBOLIC) else bool(width > 0.0)
+
+
 def where(condition: Scalar, if_true: Scalar, if_false: Scalar) -> Scalar:
     """Element-wise choice; both branches are evaluated for arrays and symbols."""
     if is_symbolic(condition, if_true, if_false):
@@ -67,13 +72,13 @@ def both(first: Scalar, second: Scalar) -> Scalar:
     return np.logical_and(first, second)
 
 
-def maximum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
+def maximum(first: Scalar, second: Scalar, width: Scalar = 0.0) -> Scalar:
     """Larger of two values; with ``width`` > 0 the hyperbolic approximation from above.
 
     The approximation exceeds the maximum by ``width / 2`` where both are equal, and by less than
     ``width**2 / (4 |first - second|)`` elsewhere.
     """
-    if width > 0.0:
+    if is_positive(width):
         difference = first - second
         return 0.5 * (first + second + sqrt(difference * difference + width * width))
     if is_symbolic(first, second):
@@ -83,7 +88,7 @@ def maximum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
     return max(first, second)
 
 
-def minimum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
+def minimum(first: Scalar, second: Scalar, width: Scalar = 0.0) -> Scalar:
     """Smaller of two values; with ``width`` > 0 the hyperbolic approximation from below."""
     return -maximum(-first, -second, width)
 
@@ -94,9 +99,9 @@ def excess(value: Scalar, width: float) -> Scalar:
     return within * within / (4.0 * width) + maximum(value - width, 0.0)
 
 
-def absolute(value: Scalar, width: float = 0.0) -> Scalar:
+def absolute(value: Scalar, width: Scalar = 0.0) -> Scalar:
     """Magnitude; with ``width`` > 0 the hyperbola ``sqrt(value^2 + width^2)``, at most ``width`` too high."""
-    if width > 0.0:
+    if is_positive(width):
         return sqrt(value * value + width * width)
     return _magnitude(value)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iptm_core.declaration import has_effect
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import (
     capacity_loss_rate_1_s,
@@ -18,7 +19,6 @@ from iptm_core.physics.cell import (
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.ops import Scalar, excess
 from iptm_core.physics.powertrain import (
-    MassLoad,
     battery_power_w,
     brake_release,
     cell_current_a,
@@ -104,17 +104,13 @@ def electric_traction_power_w(
     slope_rad: Scalar,
     parameters: ModelParameters,
     smoothing: Smoothing = EXACT,
-    load: MassLoad | None = None,
 ) -> Scalar:
     """Traction power from motion and slope (eqs. 2, 3 and 5) with the brake hold at standstill.
 
     Where they are given, the limits of regeneration bound the torque, and the drag loss is added.
-
-    Args:
-        load: see `traction_force_n`.
     """
     powertrain = parameters.powertrain
-    force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body, load)
+    force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body)
     torque = motor_torque_nm(force, powertrain, force_smoothing_n=smoothing.force_n)
     if parameters.regeneration.limited:
         torque = regenerative_torque_nm(
@@ -128,7 +124,7 @@ def electric_traction_power_w(
         )
     released = brake_release(speed_m_s, acceleration_m_s2, speed_smoothing_m_s=smoothing.speed_m_s)
     power = traction_power_w(speed_m_s, released * torque, powertrain)
-    if powertrain.drag_loss_w_s2_rad2 > 0.0:
+    if has_effect(powertrain.drag_loss_w_s2_rad2):
         turning = motor_speed_rad_s(speed_m_s, powertrain)
         power = power + drag_loss_w(turning, 0.0, powertrain.drag_loss_w_s2_rad2)
     return power
@@ -144,16 +140,14 @@ def power_thermal_rates(
     channel: Channel,
     smoothing: Smoothing = EXACT,
     charge_w: Scalar | None = None,
-    load: MassLoad | None = None,
 ) -> PowerThermalRates:
     """Evaluate the coupled model at one instant of a motion; a negative power drives the heater.
 
     Args:
         charge_w: see `rates_at_traction_power`.
-        load: see `traction_force_n`.
     """
     traction = electric_traction_power_w(
-        speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing, load
+        speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
     )
     return rates_at_traction_power(
         traction, speed_m_s, compressor_power_w, cells, parameters, channel, smoothing, charge_w

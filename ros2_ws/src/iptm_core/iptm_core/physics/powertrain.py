@@ -12,8 +12,6 @@ cools it on charge.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from iptm_core.errors import PowerLimitError
 from iptm_core.parameters.model import (
     BodyParameters,
@@ -36,49 +34,20 @@ from iptm_core.physics.ops import (
 )
 
 
-class MassLoad(NamedTuple):
-    """What of the road load grows with the mass of the vehicle; numbers or symbols.
-
-    Attributes:
-        weight_n: weight of the vehicle.
-        rolling_n: rolling resistance on a level road.
-        inertia_kg: mass with the share of the rotating parts.
-    """
-
-    weight_n: Scalar
-    rolling_n: Scalar
-    inertia_kg: Scalar
-
-    @classmethod
-    def of(cls, body: BodyParameters) -> MassLoad:
-        """Return the load of a vehicle."""
-        weight_n = body.mass_kg * body.gravity_m_s2
-        inertia_kg = body.mass_kg * body.rotational_inertia_factor
-        return cls(weight_n, weight_n * body.rolling_resistance, inertia_kg)
-
-
-MASS_LOAD_OF = "mass_kg", "gravity_m_s2", "rolling_resistance", "rotational_inertia_factor"
-"""Parameters of the body that count in `MassLoad` alone."""
-
-
 def traction_force_n(
     speed_m_s: Scalar,
     acceleration_m_s2: Scalar,
     slope_rad: Scalar,
     body: BodyParameters,
-    load: MassLoad | None = None,
 ) -> Scalar:
     """Force at the wheels that grade, rolling, air and inertia ask for (F_v, eq. 2), in N.
 
     It is positive when the vehicle has to be driven, negative when it has to be braked. Speeds are not
     negative, slopes positive uphill.
-
-    Args:
-        load: terms that depend on the mass; None for the mass of the body.
     """
-    weight_n, rolling_n, inertia_kg = load or MassLoad.of(body)
+    weight_n = body.mass_kg * body.gravity_m_s2
     grade = weight_n * sin(slope_rad)
-    rolling = rolling_n * cos(slope_rad)
+    rolling = weight_n * body.rolling_resistance * cos(slope_rad)
     drag = (
         0.5
         * body.drag_coefficient
@@ -87,7 +56,7 @@ def traction_force_n(
         * speed_m_s
         * speed_m_s
     )
-    inertia = inertia_kg * acceleration_m_s2
+    inertia = body.mass_kg * body.rotational_inertia_factor * acceleration_m_s2
     return grade + rolling + drag + inertia
 
 

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from iptm_core.declaration import has_effect
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import (
     CellParameters,
@@ -52,9 +53,9 @@ def exchange_ratio(cooling: CoolingParameters, pack: PackParameters) -> float:
 class ChannelWeights:
     """A coolant temperature as a weighted mean of inlet, first and last cell; the weights add up to 1."""
 
-    inlet: float
-    cell_1: float
-    cell_n: float
+    inlet: Scalar
+    cell_1: Scalar
+    cell_n: Scalar
 
     def temperature_k(self, inlet_k: Scalar, cell_1_k: Scalar, cell_n_k: Scalar) -> Scalar:
         """Coolant temperature in K."""
@@ -173,13 +174,13 @@ def thermal_actuation(
     cooling = parameters.cooling
     drawn_w = compressor_w = power_w
     heating_w: Scalar = 0.0
-    if parameters.limits.max_heater_power_w > 0.0:
+    if has_effect(parameters.limits.max_heater_power_w):
         compressor_w = maximum(power_w, 0.0, smoothing_w)
         heater_w = maximum(-power_w, 0.0, smoothing_w)
         drawn_w = compressor_w + heater_w
         heating_w = cooling.heater_performance * heater_w
     radiator_w_k = None
-    if cooling.radiator_w_k > 0.0:
+    if has_effect(cooling.radiator_w_k):
         blown = 1.0 - exp(-compressor_w / cooling.radiator_fan_power_w)
         radiator_w_k = cooling.radiator_w_k * blown
     air_k = parameters.environment.ambient_temperature_k

@@ -1,7 +1,6 @@
 /* The interval of integrator.py: sub-steps in order, each by the generated code of the model.
  *
- * Generated functions take a vector per argument and have no state. They are called with a table of numbers in
- * place of work memory, of which they need none; see integrator.py. */
+ * Generated functions take a vector per argument, the last one of the numbers of the model, and have no state. */
 
 #include "interval_constants.h"
 
@@ -13,19 +12,19 @@ iptm_generated sub_step, interval_end;
  * numbers: of the model. held: compressor power, charge and bounds, constant in the interval.
  * lengths_s, accelerations_m_s2: n; slopes_rad: 2 n + 1; speeds_m_s: 3 n.
  * found: VALUES, at the start before and at the end after; then electrics at the end. */
-void iptm_integrate(int n, double *numbers, const double *held, const double *lengths_s,
+void iptm_integrate(int n, const double *numbers, const double *held, const double *lengths_s,
                     const double *accelerations_m_s2, const double *slopes_rad,
                     const double *speeds_m_s, double *found) {
   double other[VALUES];
   double *from = found, *to = other;
-  const double *last[] = {found, 0, held, 0, 0};
+  const double *last[] = {found, 0, held, 0, 0, numbers};
   double *end = found + VALUES;
   int i;
   for (i = 0; i < n; ++i) {
     const double *arguments[] = {from,          accelerations_m_s2 + i, held,
-                                 lengths_s + i, slopes_rad + 2 * i,     speeds_m_s + 3 * i};
+                                 lengths_s + i, slopes_rad + 2 * i,     speeds_m_s + 3 * i, numbers};
     double *const done = from;
-    sub_step(arguments, &to, 0, numbers, 0);
+    sub_step(arguments, &to, 0, 0, 0);
     from = to;
     to = done;
   }
@@ -35,5 +34,5 @@ void iptm_integrate(int n, double *numbers, const double *held, const double *le
   last[1] = accelerations_m_s2 + n - 1;
   last[3] = slopes_rad + 2 * n;
   last[4] = speeds_m_s + 3 * n - 1;
-  interval_end(last, &end, 0, numbers, 0);
+  interval_end(last, &end, 0, 0, 0);
 }

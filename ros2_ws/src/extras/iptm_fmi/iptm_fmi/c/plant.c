@@ -8,7 +8,7 @@
 #include "road.h"
 #include "unit.h"
 
-void iptm_integrate(int n, double *numbers, const double *held, const double *lengths_s,
+void iptm_integrate(int n, const double *numbers, const double *held, const double *lengths_s,
                     const double *accelerations_m_s2, const double *slopes_rad, const double *speeds_m_s,
                     double *found);
 

@@ -1,14 +1,14 @@
 """The Riccati interior-point method, in C (`iptm_controller/c`), on NumPy's memory.
 
-A library holds the method and the stages of a problem; all horizons with these stage kinds use it, and so do
-all models, whose numbers come with each call.
+A library holds the method and the stages of a shape; all horizons with these stage kinds use it, and so do
+all models with these effects, whose numbers come with each call.
 """
 
 from __future__ import annotations
 
 import ctypes
 import time
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from iptm_controller.c_sources import C_SOURCES
-from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import layout_header
@@ -36,6 +35,7 @@ from iptm_controller.solvers.riccati.stage_program import (
 )
 from iptm_core.compilation import cache_directory, compile_sources
 from iptm_core.errors import SolverSetupError
+from iptm_core.physics.model_numbers import SplitFunctions
 from iptm_core.state import FloatArray
 
 CANDIDATES, LEVELS = 2, 2
@@ -116,10 +116,8 @@ class RiccatiBackend:
             SolverSetupError: no C compiler is installed, or the code cannot be compiled or loaded.
         """
         self.options = options
-        # The number of steps is not part of the code.
-        phases = tuple(replace(phase, steps=1) for phase in problem.horizon.phases)
-        stages = replace(problem.without_load, horizon=Horizon(phases))
-        self._library, self._numbers = _library(stages, cache_directory())
+        self._library, functions = _library(problem.shape, cache_directory())
+        self._numbers = functions.prepare(problem.numbers)
         grid = problem.grid
         self._kind_steps = np.array([kind.count for kind in grid.stages], dtype=np.intc)
         self._lengths_s = grid.horizon.step_lengths_s
@@ -231,13 +229,13 @@ class RiccatiBackend:
 
 
 @lru_cache(maxsize=PROGRAMS_KEPT)
-def _library(problem: OptimalControlProblem, _folder: Path) -> tuple[ctypes.PyDLL, FloatArray]:
-    """Return the library of a problem and the numbers of its model; the folder is part of the key only."""
-    program = _stage_program(problem)
+def _library(shape: OptimalControlProblem, _folder: Path) -> tuple[ctypes.PyDLL, SplitFunctions]:
+    """Return the library of a shape and the functions in it; the folder is part of the key only."""
+    program = _stage_program(shape)
     files = {f"stages_{place}.c": text for place, text in enumerate(program.sources)}
     files |= C_SOURCES.read(*SOLVER_SOURCES, *HEADERS)
     path = compile_sources({**files, "layout.h": layout_header(), "stage_sizes.h": program.header})
-    return _loaded(path), np.array(program.numbers)
+    return _loaded(path), program.functions
 
 
 _stage_program = lru_cache(maxsize=PROGRAMS_KEPT)(stage_program)

@@ -15,13 +15,14 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_controller.ocp.stage_code import LANES, NUMBERS, StageMap, stage_sources
+from iptm_controller.ocp.stage_code import LANES, TABLE, StageMap, stage_sources
 from iptm_controller.solvers.riccati.recursion import backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import (
     StageSparsity,
     StageSystem,
     common_sparsity,
 )
+from iptm_core.physics.model_numbers import NUMBERS, SplitFunctions, split_off
 from iptm_core.physics.ops import named_function
 
 SOLVER_SOURCES = ("riccati.c", "switching.c", "clock.c")
@@ -35,18 +36,21 @@ class StageProgram:
     Attributes:
         header: content of ``stage_sizes.h``.
         sources: C files.
-        numbers: what they read, see `stage_sources`.
+        functions: what is written in C; prepares the table that they read, `TABLE`, for a model.
     """
 
     header: str
     sources: tuple[str, ...]
-    numbers: tuple[float, ...]
+    functions: SplitFunctions
 
 
 def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> StageProgram:
-    """Return the functions of a problem's stages; see `stage_sources` for the lanes."""
+    """Return the functions of a problem's stages; see `stage_sources` for the lanes.
+
+    With one lane the table is constant data of the caller's, else it comes with each call.
+    """
     stages = problem.stage_expressions()
-    systems = [StageSystem(stage, problem.model) for stage in stages]
+    systems = [StageSystem(stage) for stage in stages]
     sparsity = common_sparsity(systems)
     maps: dict[str, list[StageMap]] = {
         "linearise": [],
@@ -80,10 +84,17 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
             maps[name].append(StageMap(function, strides | one_step))
     patterns = sparsity.dynamics, sparsity.inequalities, sparsity.hessian
     singles = _recursion(*(each.serialize() for each in patterns))
+    written = [each.function for kinds in maps.values() for each in kinds]
+    split = split_off(written)
+    by_name = {each.name(): each for each in split.functions}
+    maps = {
+        name: [StageMap(by_name[each.function.name()], each.strides) for each in kinds]
+        for name, kinds in maps.items()
+    }
     # The largest functions by themselves, each as long to compile as all the others.
     groups = [[each] for each in maps["linearise"]]
     groups.append([each for name, kinds in maps.items() if name != "linearise" for each in kinds])
-    sources, numbers = stage_sources(groups, singles, lanes=lanes)
+    sources = stage_sources(groups, singles, lanes=lanes)
     tables = [
         f"const iptm_stage_map iptm_{name}[] = {{{', '.join(m.function.name() for m in kinds)}}};"
         for name, kinds in maps.items()
@@ -94,15 +105,15 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
         for name in linearise
     ]
     header = _header(systems[0].inequality_count, len(stages), sparsity)
-    if numbers:
-        header += "#define IPTM_NUMBERS\n"
-        tables.append(f"const double *{NUMBERS};")
+    if lanes > 1:
+        header += "#define IPTM_NUMBERS_GIVEN\n"
+        tables.append(f"const iptm_real *{TABLE};")
     parameters = ", ".join(str(stage.step_parameters.numel()) for stage in stages)
     tables.append(f"const int iptm_kind_parameters[] = {{{parameters}}};")
     return StageProgram(
         header,
         (*sources[:-1], "\n".join([sources[-1], *tables, ""])),
-        numbers,
+        split,
     )
 
 
@@ -113,12 +124,13 @@ def _recursion(*patterns: str) -> tuple[ca.Function, ca.Function]:
 
 
 def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
-    """Return a function of ``x, u, p, g, costate, power``; the power stands for the power of the inputs."""
+    """Return a function of ``x, u, p, g, numbers, costate, power``; the power replaces the one of u."""
     costate = ca.SX.sym("costate", layout.STATES)
     power = ca.SX.sym("power")
     inputs = [*ca.vertsplit(stage.inputs)]
     inputs[InputIndex.COMPRESSOR_POWER] = power
     symbols = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+    symbols.append(stage.model.numbers)
     value = stage.cost + ca.dot(costate, stage.next_state)
     function = ca.Function(f"{name}_of_inputs", [*symbols, costate], [value], {"cse": True})
     symbols[1] = ca.vertcat(*inputs)
@@ -129,6 +141,7 @@ def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
             "u": stage.inputs,
             "p": stage.step_parameters,
             "g": stage.global_parameters,
+            NUMBERS: stage.model.numbers,
             "costate": costate,
             "power": power,
         },

@@ -8,6 +8,7 @@ gradient is affine in the barrier parameter mu, so its two parts are kept apart 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,10 +20,11 @@ from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.ops import named_function
+from iptm_core.physics.model_numbers import NUMBERS
+from iptm_core.physics.ops import Scalar, is_symbolic, named_function
 
 
-def inequality_constraints(model: ModelParameters) -> list[tuple[int, float, float]]:
+def inequality_constraints(model: ModelParameters) -> list[tuple[int, float, Scalar]]:
     """Return the finite bounds of a stage, each as index, sign and bound: ``sign (value - bound) >= 0``.
 
     The values are the limit rows of the stage followed by its inputs.
@@ -32,10 +34,10 @@ def inequality_constraints(model: ModelParameters) -> list[tuple[int, float, flo
     low = np.concatenate([bounds.rows_low[own], bounds.variables_low[own]])
     high = np.concatenate([bounds.rows_high[own], bounds.variables_high[own]])
     return [
-        (index, sign, float(bound))
+        (index, sign, bound)
         for index, both in enumerate(zip(low, high, strict=True))
         for sign, bound in zip((1.0, -1.0), both, strict=True)
-        if np.isfinite(bound)
+        if is_symbolic(bound) or math.isfinite(bound)
     ]
 
 
@@ -65,14 +67,14 @@ class StageSparsity:
 class StageSystem:
     """Derivatives of one stage kind."""
 
-    def __init__(self, stage: StageExpressions, model: ModelParameters) -> None:
+    def __init__(self, stage: StageExpressions) -> None:
         self._stage = stage
         variables = ca.vertcat(stage.state, stage.inputs)
         values = ca.vertcat(stage.limits, stage.inputs)
         self._inequalities = ca.vertcat(
             *(
                 sign * (values[index] - bound)
-                for index, sign, bound in inequality_constraints(model)
+                for index, sign, bound in inequality_constraints(stage.model.parameters)
             )
         )
         count = self._inequalities.numel()
@@ -114,8 +116,8 @@ class StageSystem:
             sparsity: common sparsity; sparse results come as vectors of its nonzeros.
 
         Returns:
-            Function of ``x, u, x_next, p, g``, lam (of x), lam_next (of x_next), s and z. The condensed
-            gradient is ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and
+            Function of ``x, u, x_next, p, g, numbers``, lam (of x), lam_next (of x_next), s and z. The
+            condensed gradient is ``gradient_affine + mu gradient_centring``; residuals are ``F - x_next`` and
             ``c - s``; norms are infinity norms unless stated as sums.
         """
         stage = self._stage
@@ -163,7 +165,7 @@ class StageSystem:
         return named_function(name, arguments, results, cse=True)
 
     def least_soft_slacks(self, name: str) -> ca.Function:
-        """Return a function of ``x, u, x_next, p, g``: smallest slacks of u that keep the soft limits.
+        """Return a function of ``x, u, x_next, p, g, numbers``: least slacks of u that keep the soft limits.
 
         The slacks of u itself and the next state are ignored.
         """
@@ -171,7 +173,7 @@ class StageSystem:
         return named_function(name, point, {"soft_slacks": self._least_soft_slacks()}, cse=True)
 
     def follow(self, name: str) -> ca.Function:
-        """Return a function of ``x, u, p, g, power``: next state, and cost with the least soft slacks.
+        """Return a function of ``x, u, p, g, numbers, power``: next state, cost with the least soft slacks.
 
         The power stands for the compressor power of u.
         """
@@ -185,7 +187,7 @@ class StageSystem:
             ca.vertcat(ca.densify(stage.next_state), stage.cost), stage.inputs, ca.vertcat(*inputs)
         )
         given = {"x": stage.state, "u": stage.inputs, "p": stage.step_parameters}
-        given |= {"g": stage.global_parameters, "power": power}
+        given |= {"g": stage.global_parameters, NUMBERS: stage.model.numbers, "power": power}
         results = {"next_state": ends[:-1], "cost": ends[-1]}
         return named_function(name, given, results, cse=True)
 
@@ -201,7 +203,7 @@ class StageSystem:
         return ca.vertcat(*least)
 
     def evaluate(self, name: str) -> ca.Function:
-        """Return a function of ``x, u, x_next, p, g``: constraints c, residual of the dynamics, cost."""
+        """Return a function of ``x, u, x_next, p, g, numbers``: constraints, dynamics residual and cost."""
         x_next = ca.SX.sym("x_next", layout.STATES)
         results = {
             "inequalities": self._inequalities,
@@ -218,6 +220,7 @@ class StageSystem:
             "x_next": x_next,
             "p": stage.step_parameters,
             "g": stage.global_parameters,
+            NUMBERS: stage.model.numbers,
         }
 
 
