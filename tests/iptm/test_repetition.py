@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import iptm
-from iptm.repetition import _End, _one, _settled, repeat, why_not
+from iptm.repetition import _End, _one, _settled, one_after_the_other, repeat, why_not
 from iptm_core.metrics.repeated import (
     Repetition,
     closed_stretch,
     over_cycles,
+    over_noise,
     over_open_cycles,
     without_drift,
 )
 from iptm_core.metrics.saved_share import Basis, Judgement, judged_share
 
+EXAMPLE = Path(__file__).parents[2] / "bags" / "example_us06_120s"
 TOLERANCE_POINTS = 0.5
 LED_IN = 10
 """Repetitions of the explicit drive in which the pack settles."""
@@ -107,6 +111,28 @@ def test_a_pack_that_neither_warms_nor_cools_is_read_off_a_line() -> None:
     assert found.cell_losses["nca"] == pytest.approx(2e-6)
     assert found.repetitions == 5
     assert found.energy_error > 0.0
+
+
+def test_repetitions_that_differ_by_noise_are_averaged() -> None:
+    """Energies of 1, 2 and 3 J/m: a mean of 2 with a standard error of 1 / sqrt(3)."""
+    tiles = [Repetition(joule, 1e-9, {"nca": joule}, (0.1, -0.1)) for joule in (1.0, 2.0, 3.0)]
+    found = over_noise(tiles, 7)
+    assert found.energy_per_distance_j_m == pytest.approx(2.0)
+    assert found.cell_losses["nca"] == pytest.approx(2.0)
+    assert found.energy_error == pytest.approx(0.5 / np.sqrt(3.0))
+    assert (found.aging_error, found.repetitions) == (0.0, 7)
+
+
+def test_where_the_control_switches_at_random_the_pack_settles_all_the_same() -> None:
+    """Single repetitions differ by 2 % there, the mean of the settled ones by much less."""
+    run = iptm.load(EXAMPLE)
+    found = repeat(run)
+    assert found is not None
+    later = list(islice(one_after_the_other(run), 10, 14))
+    settled_j_m = np.mean([each.energy_per_distance_j_m for each in later])
+    assert found.energy_per_distance_j_m == pytest.approx(settled_j_m, rel=0.01)
+    assert found.energy_error < 0.01
+    assert run.saving(run).energy.percent == 0.0
 
 
 def test_cycles_of_a_thermostat_are_averaged_where_they_close() -> None:

@@ -26,6 +26,7 @@ from iptm_core.metrics.repeated import (
     Repeated,
     Repetition,
     over_cycles,
+    over_noise,
     over_open_cycles,
     settling_weights,
     without_drift,
@@ -63,6 +64,9 @@ PROBED_REPETITIONS, LEAST_PROBE_K = 25.0, 2.0
 by the second: about where it settles, as its time constant takes 20 to 50 repetitions of a commute."""
 RESOLVED = 0.5
 """Share of a drift that the weights must take out; else where it ends is not known."""
+REGULATED_K, REGULATED = 0.2, 5
+"""Largest drift of a cell, while the compressor runs, that is noise of the control; and of how many such
+repetitions the mean is taken."""
 LEADING = 1
 """Switches of a thermostat that lead into its cycles."""
 SKIPPED_K, MOST_SKIPPED = 0.3, 6
@@ -197,6 +201,7 @@ def _settled(
     """
     tiles: list[Repetition] = []
     ends_k: list[FloatArray] = []
+    regulated: list[Repetition] = []
     found: Repeated | None = None
     for driven in range(1, MOST_SETTLING + 1):
         done, end = tile.drive(end)
@@ -210,6 +215,12 @@ def _settled(
         is_resolved = left_k <= max(NOTED_DRIFT_K, RESOLVED * np.abs(done.drifts_k).max())
         if is_resolved and _is_same(before, found):
             break
+        if end.has_cooled and np.abs(done.drifts_k).max() <= REGULATED_K:
+            # Weights of noise would lead far away.
+            regulated.append(done)
+            if len(regulated) == REGULATED:
+                return over_noise(regulated, driven), end
+            continue
         proposed_k = weights @ ends_k
         if not is_resolved and not end.has_cooled:
             probe_k = max(PROBED_REPETITIONS * abs(done.drift_k), LEAST_PROBE_K)

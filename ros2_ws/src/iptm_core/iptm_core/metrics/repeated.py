@@ -110,6 +110,28 @@ def without_drift(tiles: Sequence[Repetition], driven: int) -> Repeated:
     return _mixed(tiles, last, settling_weights(tiles), driven)
 
 
+def over_noise(tiles: Sequence[Repetition], driven: int) -> Repeated:
+    """Return the mean figures of repetitions that differ by the noise of the control only.
+
+    Args:
+        tiles: two or more.
+        driven: how many were driven for them.
+
+    Returns:
+        Figures whose errors are the standard errors of the means.
+    """
+    count = len(tiles)
+    weights = np.full(count, 1.0 / count)
+    found = _mixed(tiles, weights, weights, driven)
+    energies = [each.energy_per_distance_j_m / found.energy_per_distance_j_m for each in tiles]
+    losses = [each.capacity_loss / found.capacity_loss for each in tiles if found.capacity_loss]
+    energy_error, aging_error = (
+        float(np.std(each, ddof=1)) / math.sqrt(count) if each else math.nan
+        for each in (energies, losses)
+    )
+    return replace(found, energy_error=energy_error, aging_error=aging_error)
+
+
 def over_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
     """Return the mean figures of consecutive repetitions at whose bounds the pack is equally warm.
 
