@@ -10,6 +10,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/launch", ["launch/string.launch.py"]),
     ],
     install_requires=["setuptools", "matplotlib>=3.8", "numpy>=1.24", "pandas>=2.1", "rich>=13"],
     extras_require={"test": ["pytest"]},

@@ -1,7 +1,7 @@
 """A string of vehicles in one graph, each in its namespace, with its clock and with a bag of its own.
 
-    ros2 launch iptm string.launch.py vehicles:=5
-    ros2 launch iptm string.launch.py vehicles:=2 cycle:=us06 record:=true bag:=bags/both
+    ros2 launch iptm_string string.launch.py vehicles:=5
+    ros2 launch iptm_string string.launch.py vehicles:=2 cycle:=us06 record:=true bag:=bags/both
 
 car_1 follows the driving cycle, every other vehicle follows the one before, whose plan is its preview. All
 other arguments of `closed_loop.launch.py` hold for every vehicle. A vehicle with a failed process stops, and
@@ -24,16 +24,15 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 
 from iptm.trip_files import DEFAULT_TRIP, load_trip
 from iptm.trip_settings import HOME, NODES
-from iptm_core.extras import offered
+from iptm_string import extra_strings as strings
 from launch import LaunchContext, LaunchDescription
 
-(STRINGS,) = offered("strings")
 LOOP = Path(get_package_share_directory("iptm")) / "launch" / "closed_loop.launch.py"
 OF_A_PLACE = ("namespace", "vehicle_ahead", "vehicle_behind", "start_position_m", "leader_source")
 """Settings in which the vehicles of a string differ."""
 # Argument -> default, description.
 ARGUMENTS = {
-    "vehicles": ("5", f"number of vehicles, 2 to {STRINGS.MAX_VEHICLES}"),
+    "vehicles": ("5", f"number of vehicles, 2 to {strings.MAX_VEHICLES}"),
     "bag": (
         f"bags/string_{datetime.now().astimezone():%Y%m%d_%H%M%S}",
         "with record:=true, folder of the bag folders, one for each vehicle",
@@ -50,7 +49,7 @@ def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
     chosen = context.launch_configurations
     options = {name: chosen[name] for name in HOME if chosen.get(name)}
     trip = load_trip(chosen.get("trip", DEFAULT_TRIP), options)
-    vehicles = STRINGS.trips_in_string(trip, STRINGS.vehicle_count(chosen["vehicles"]))
+    vehicles = strings.trips_in_string(trip, strings.vehicle_count(chosen["vehicles"]))
     record = chosen.get("record", "false").lower() == "true"
     end = StringEnd(len(vehicles) * (len(NODES) + record + 1))  # 1: the start signal
     actions = [RegisterEventHandler(OnProcessExit(on_exit=end.on_exit))]
