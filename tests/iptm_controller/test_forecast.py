@@ -48,6 +48,21 @@ def test_full_preview_is_followed_exactly(
     assert forecast.limiting is forecast.motion
 
 
+@pytest.mark.parametrize(("field", "error"), [("speeds_m_s", -0.03), ("positions_m", -0.01)])
+def test_noise_of_an_estimator_at_standstill_is_no_motion_backwards(
+    forecaster: LeaderForecaster, field: str, error: float
+) -> None:
+    standing = make_leader(gap_m=40.0, speed_m_s=0.0, time_s=100.0)
+    preview = make_preview(standing)
+    noisy = getattr(preview, field).copy()
+    noisy[7] += error
+    forecast = forecaster.forecast(standing, replace(preview, **{field: noisy}))
+    assert forecast.quality is PreviewQuality.FULL
+    positions, speeds = forecast.motion.at(preview.times_s)
+    assert positions.tolist() == preview.positions_m.tolist()
+    assert speeds.tolist() == preview.speeds_m_s.tolist()
+
+
 def test_short_preview_goes_on_at_its_last_speed(
     forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:

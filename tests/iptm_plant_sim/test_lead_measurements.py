@@ -52,6 +52,15 @@ def test_hard_braking_shows_in_two_steps_across_the_start_of_an_interval() -> No
         assert twice.shown_deceleration_m_s2(1.1) == pytest.approx(10.0 * (19.0 - last_m_s))
 
 
+def test_the_smallest_gap_counts_what_is_measured_later() -> None:
+    """Own motion 20 m/s from the start of the interval on: gaps of 50, 46 and 48 m."""
+    rows = measured((1.0, 50.0, 20.0), (1.5, 56.0, 12.0), (2.0, 68.0, 24.0))
+    leads = LeadMeasurements(LeadTrack(), rows, lambda after_s: (20.0 * after_s, 20.0), 1.0)
+    for after_s, expected_m in ((0.5, 46.0), (1.0, 46.0), (1.5, 48.0)):
+        assert leads.smallest_gap_m(after_s) == pytest.approx(expected_m)
+    assert math.isnan(leads.smallest_gap_m(2.0))
+
+
 def test_an_empty_lane_is_free_when_it_has_been_empty_for_long_or_a_source_reports_it() -> None:
     track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
     for now_s in range(1, 11):
