@@ -388,7 +388,7 @@ def entrant_of(text: str) -> Entrant:
     """Return an entrant by its name, or by its file.
 
     Raises:
-        ScenarioError: there is no such file.
+        ScenarioError: the file does not exist.
     """
     if text in BY_NAME:
         return BY_NAME[text]

@@ -38,7 +38,7 @@ def place_of(text: str) -> tuple[Path, str]:
     """Return file or folder of an entrant, and the name of its class.
 
     Raises:
-        ScenarioError: there is no such file.
+        ScenarioError: the file does not exist.
     """
     name, _, inside = text.partition(":")
     path = Path(name)
@@ -63,7 +63,7 @@ def of_class(path: Path, name: str) -> iptm.Controller:
     """Return an object of a class of a Python file, made without arguments."""
     spec = spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
-        raise ScenarioError(f"{path} is no Python file; allowed: {ALLOWED}")
+        raise ScenarioError(f"{path} is not a Python file; allowed: {ALLOWED}")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     made: Any = getattr(module, name, None)
@@ -151,7 +151,7 @@ class FromUnit:
 def inputs(
     measured: iptm.Measurements, state: VehicleState, leader: LeaderState
 ) -> Mapping[str, float]:
-    """Return what is measured by the names of ``iptm fmu controller``."""
+    """Return the measurements under the names of ``iptm fmu controller``."""
     seen = measured.preview
     behind_m = state.position_m - FEWEST_BEHIND_M
     first = max(int(measured.slope.positions_m.searchsorted(behind_m)) - 1, 0)

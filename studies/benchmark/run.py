@@ -86,7 +86,7 @@ def run(session: Session) -> bool:
 
 
 def held_out(session: Session) -> dict[str, Any]:
-    """Drive the tasks that the seed of a day draws, and compare what was learned with the reference."""
+    """Drive the tasks drawn by the seed of a day, and compare the learned policy with the reference."""
     tasks = drawn(HELD_OUT_SEED)
     ranked = judged_table(session, tasks, ENTRANTS).query("~is_reference")
     points = ranked[ranked.entrant == LEARNED].score
@@ -110,7 +110,7 @@ def headings_of(tasks: Sequence[iptm.Trip]) -> list[tuple[str, str]]:
 def judged_table(
     session: Session, tasks: Sequence[iptm.Trip], takes_part: Sequence[Entrant]
 ) -> pd.DataFrame:
-    """Drive tasks with the reference and entrants; a row of what was found for each."""
+    """Drive tasks with the reference and entrants; return a row of figures for each."""
     entrants = [*REFERENCE, *takes_part]
     pairs = [(trip, entrant) for trip in tasks for entrant in entrants]
     calls = [

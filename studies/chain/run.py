@@ -63,7 +63,7 @@ TRIALS, SEED = 11, 57
 SHORT_ROWS, SHORT_S = 400, 60.0
 TIMED_TICKS = 2000
 _Control = tuple[str, Mapping[str, Any], Mapping[str, Any]]
-"""Name, arguments of `iptm.simulate`, and sources of what is shown of the leader."""
+"""Name, arguments of `iptm.simulate`, and sources of knowledge about the leader."""
 
 
 def run(session: Session) -> bool:

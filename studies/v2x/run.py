@@ -28,7 +28,7 @@ def _prediction(session: Session) -> dict[str, str]:
     if session.short:
         calls = [{"every_s": 30.0, "cycle": ("nycc",), "traffic_s": 0.0}]
     (numbers,) = session.compute(prediction.measure, calls, ["prediction"])
-    return prediction.as_table(numbers)
+    return {} if numbers is None else prediction.as_table(numbers)
 
 
 def _price(session: Session) -> dict[str, str]:
@@ -62,7 +62,7 @@ def _attacks(session: Session) -> dict[str, str]:
         rows = [attacks.attack_row(title, undisturbed, attacked)]
         return attacks.as_tables({"attacks": rows, "impostors": []})
     (numbers,) = session.compute(attacks.measure, [{}], ["attacks"])
-    return attacks.as_tables(numbers)
+    return {} if numbers is None else attacks.as_tables(numbers)
 
 
 def _load(session: Session) -> dict[str, str]:

@@ -23,7 +23,8 @@ TRIP = iptm.Trip.of("us06", duration_s=40.0, preview_mode=PreviewMode.NONE)
 def test_measured_tracks_lead_as_the_cycle_does(tmp_path: Path) -> None:
     """The tracks are exact in a simulation, so the trip is the one without previews behind the cycle.
 
-    Their last digits decide where the solver stops, which moves the car by a millimetre.
+    Behind a leader that starts off, solves take 50 to 80 iterations: the last digits of a track decide in
+    which of them the solver stops, which moves the car by a millimetre.
     """
     bag = tmp_path / "bag"
     measured = iptm.drive(
@@ -31,10 +32,10 @@ def test_measured_tracks_lead_as_the_cycle_does(tmp_path: Path) -> None:
     )
     known = iptm.drive(TRIP)
     assert not measured.problems
-    for name in ("position_m", "speed_m_s", "cell_n_temperature_k"):
-        np.testing.assert_allclose(
-            getattr(measured.trajectory, name), getattr(known.trajectory, name), atol=2e-3
-        )
+    for name, bound in (("position_m", 2e-3), ("speed_m_s", 2e-3), ("cell_n_temperature_k", 1e-6)):
+        one, other = (getattr(run.trajectory, name) for run in (measured, known))
+        np.testing.assert_allclose(one, other, atol=bound)
+        np.testing.assert_allclose(one[:33], other[:33], atol=1e-6)
     with BagReader(bag) as reader:
         assert reader.topics["/sensor/tracks"].message_count >= 41
 

@@ -1,4 +1,4 @@
-"""Entrants from files: one law in Python, C and as an FMU drives the same trip; bags; what is refused."""
+"""Entrants from files: one law in Python, C and as an FMU drives the same trip; bags; refusals."""
 
 from __future__ import annotations
 

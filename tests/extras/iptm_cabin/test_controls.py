@@ -61,7 +61,7 @@ BAD_DAYS: dict[str, tuple[dict[str, Any], float, str]] = {
     "map left": ({"control": "command", "initial_c": 22.0}, 22.0, "leaves the map"),
     "pack without heat pump": ({"is_heat_pump": False}, -10.0, "no heat pump"),
 }
-"""What is wrong: changes of the cabin's file, the air in degC, and the report."""
+"""Bad days: changes of the cabin's file, the air in degC, and the report."""
 CELLS_C = {"map left": 40.0, "coldest": -20.0}
 """Cells that begin at another temperature than the air: a hot pack is cooled for itself."""
 

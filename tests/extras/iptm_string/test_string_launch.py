@@ -88,7 +88,7 @@ def test_the_vehicles_of_a_string_follow_each_other(launch_stubs: list[Recorded]
     assert starts_m == [0.0, -19.5, -39.0, -58.5, -78.0]
     assert [Path(entry["bag"]).name for entry in given] == [name[1:] for name in names]
     assert not any("clock" in entry for entry in given)  # the namespace moves it
-    # What is set for the first vehicle must not be in force for the second.
+    # Settings of the first vehicle must not apply to the second.
     groups = [item.arguments[0] for item in of_class(launch_stubs, "GroupAction")]
     assert groups == [[item] for item in of_class(launch_stubs, "IncludeLaunchDescription")]
     known = runpy.run_path(str(SOURCE / "iptm" / "launch" / "closed_loop.launch.py"))["ARGUMENTS"]

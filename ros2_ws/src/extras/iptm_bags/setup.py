@@ -26,7 +26,7 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    description="What is done with recorded bags: list, compare, export, replay, check, recover",
+    description="Tools for recorded bags: list, compare, export, replay, check, recover",
     license="Apache-2.0",
     entry_points={
         "console_scripts": ["player = iptm_core.program:main"],

@@ -181,7 +181,7 @@ class TemperatureValuation:
 
         Args:
             aged: time of the trip, mean temperature and capacity loss of both cells now, time since the first
-                state and what was lost since.
+                state and capacity lost since.
         """
         self._write(*aged, self.foreseen_1_s)
         self._library.iptm_value_temperatures(self._numbers, self._aged, self._found)

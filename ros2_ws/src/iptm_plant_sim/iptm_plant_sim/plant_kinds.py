@@ -30,7 +30,7 @@ def plant_kind(file: str) -> type[Plant]:
 
 
 def plant_topics(file: str) -> dict[str, str]:
-    """Return the types of the topics that extras add to those of a plant from a file, by name.
+    """Return the topics that extras add to a plant from a file: message types by topic name.
 
     The module ``extra_plant_topics`` of an extra has them as the mapping ``TYPES``, and the ending of its
     files as ``SUFFIX``.

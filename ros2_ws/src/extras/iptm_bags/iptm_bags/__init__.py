@@ -1,1 +1,1 @@
-"""What is done with recorded bags: list, compare, export, replay, check, recover."""
+"""Tools for recorded bags: list, compare, export, replay, check, recover."""

@@ -206,7 +206,7 @@ def air_course(cabin: CabinParameters) -> tuple[tuple[float, ...], tuple[float, 
     """Return times in s and temperatures of the air in degC; none where the trip's air stays as it is.
 
     Raises:
-        ScenarioError: a pair is no pair of numbers, or times do not increase.
+        ScenarioError: an entry is not a pair of numbers, or times do not increase.
     """
     given = cabin.air_over_time
     pairs = [each.split(":") for each in given.split(",")] if given.strip() else []

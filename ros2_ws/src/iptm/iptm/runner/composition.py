@@ -123,7 +123,7 @@ def node_command(
 
 
 def _module_of(node: str, faults: Sequence[Fault]) -> str:
-    """Return the module of a node; with faults inside it is that of an extra, as the injector is.
+    """Return the module of a node; the injector and nodes with faults inside come from an extra.
 
     Raises:
         ScenarioError: the extra is not installed.

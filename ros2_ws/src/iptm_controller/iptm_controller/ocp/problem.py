@@ -50,7 +50,7 @@ class OptimalControlProblem:
         """Return the symbolic stages, one per kind of the grid.
 
         Args:
-            model: of the numbers; without it they are those of a symbol that the stages share.
+            model: whose numbers are used; by default a symbol that the stages share stands for them.
         """
         model = model or SymbolicModel.of(shape_of(self.model))
         return [

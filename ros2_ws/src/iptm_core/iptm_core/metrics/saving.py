@@ -15,7 +15,7 @@ of the other: at standstill, with a constant compressor power P, and with all ra
 
 where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
 battery power, and P the power that takes the least energy, at the state of charge at the end. No pack is
-cooled below T_b,min, from where on warmth is no debt: between packs that end colder nothing is corrected.
+cooled below T_b,min: between packs that end colder nothing is corrected.
 Full recovery of the kinetic energy is assumed. Energies are compared per distance.
 
 The number to quote is the one with equal ends, and the figures as driven stand behind it. On a short

@@ -36,7 +36,7 @@ class StageProgram:
     Attributes:
         header: content of ``stage_sizes.h``.
         sources: C files.
-        functions: what is written in C; prepares the table that they read, `TABLE`, for a model.
+        functions: written in C; also prepares `TABLE`, which they read, for a model.
     """
 
     header: str
