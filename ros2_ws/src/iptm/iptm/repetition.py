@@ -61,7 +61,7 @@ LARGEST_STEP_K = 12.0
 """Largest step of the acceleration."""
 PROBED_REPETITIONS, LEAST_PROBE_K = 25.0, 2.0
 """A pack whose drift does not fade is made warmer or cooler by its drift over this number of repetitions, by
-the second value at least: about where it settles, as its time constant takes 20 to 50 repetitions of a commute."""
+at least the second value: about where it settles, as its time constant is 20 to 50 repetitions."""
 RESOLVED = 0.5
 """Share of a drift that the weights must take out; else where it ends is not known."""
 REGULATED_K, REGULATED = 0.2, 5
